@@ -1,0 +1,1 @@
+"""Planes, lines, rays and rotations in plain NumPy."""

@@ -1,0 +1,1 @@
+"""The nouns of the field: frozen values, checked when they are made."""

@@ -1,0 +1,165 @@
+"""The result of a calibration: camera, sheets of light, and how well they are known."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from sheetoflight.errors import InputError
+from sheetoflight.geometry.directions import Array
+from sheetoflight.model.camera import Camera
+from sheetoflight.model.light_plane import LightPlane
+from sheetoflight.model.target import CollinearTarget
+
+if TYPE_CHECKING:
+    from sheetoflight.measurement.length import Length
+
+
+@dataclass(frozen=True)
+class Covariance:
+    """Covariance of named parameters.
+
+    Parameters
+    ----------
+    parameters : tuple of str
+        ``camera.alpha`` …, ``laser.nx``, ``laser.ny``, ``laser.nz``, ``laser.d`` (with the
+        light plane's name in place of ``laser``); px, mm.
+    matrix : (P, P) array
+    """
+
+    parameters: tuple[str, ...]
+    matrix: Array
+
+    def __post_init__(self) -> None:
+        matrix = np.array(self.matrix, dtype=float)
+        size = len(self.parameters)
+        if matrix.shape != (size, size) or not np.isfinite(matrix).all():
+            raise InputError(
+                f"the covariance of {size} parameters has shape {matrix.shape} or is not finite",
+                "give one finite row and column for each parameter",
+            )
+        matrix.setflags(write=False)
+        object.__setattr__(self, "matrix", matrix)
+
+    def std(self, parameter: str) -> float:
+        """Standard uncertainty of one parameter; 0 where it was held fixed."""
+        if parameter not in self.parameters:
+            return 0.0
+        index = self.parameters.index(parameter)
+        return float(np.sqrt(max(self.matrix[index, index], 0.0)))
+
+    def block(self, parameters: tuple[str, ...]) -> Array:
+        """Covariance of the given parameters; zero rows for those that were held fixed."""
+        known = {name: index for index, name in enumerate(self.parameters)}
+        chosen = np.array([known.get(name, -1) for name in parameters])
+        block = self.matrix[np.ix_(chosen, chosen)].copy()
+        block[chosen < 0, :] = 0.0
+        block[:, chosen < 0] = 0.0
+        return block
+
+
+@dataclass(frozen=True)
+class ViewResiduals:
+    """How one view fits.
+
+    Parameters
+    ----------
+    stage, view : str
+    uv : (M, 2) array
+        Observed image points, px; NaN where not seen.
+    residuals : (M, 2) array
+        Observed minus predicted, px.
+    xyz : (M, 3) array
+        Estimated markers in the camera frame, mm.
+    """
+
+    stage: str
+    view: str
+    uv: Array
+    residuals: Array
+    xyz: Array
+
+    @property
+    def rms_px(self) -> float:
+        """Root mean square residual per image coordinate, px."""
+        seen = self.residuals[np.isfinite(self.residuals)]
+        return float(np.sqrt(np.mean(seen**2))) if seen.size else 0.0
+
+
+@dataclass(frozen=True)
+class Residuals:
+    """How the observations fit: root mean square per coordinate, chi-squared per degree of
+    freedom (1 where the noise was estimated from the residuals themselves), and every view."""
+
+    rms_px: float
+    chi2_per_dof: float
+    views: tuple[ViewResiduals, ...] = ()
+
+
+@dataclass(frozen=True)
+class Calibration:
+    """A calibrated sensor.
+
+    Parameters
+    ----------
+    method : str
+        How it was calibrated: ``joint``, ``two-step``, ``paper`` …
+    camera : Camera
+    light_planes : tuple of LightPlane
+    covariance : Covariance
+    residuals : Residuals
+    target : CollinearTarget
+        What gave the scale.
+    pixel_std : float
+        Standard uncertainty of a marker's image coordinate, px, given or estimated.
+    warnings : tuple of str
+        What a careful user should know before trusting the numbers.
+    provenance : mapping
+        What was used to get them: files, versions, options.
+    """
+
+    method: str
+    camera: Camera
+    light_planes: tuple[LightPlane, ...]
+    covariance: Covariance
+    residuals: Residuals
+    target: CollinearTarget
+    pixel_std: float
+    warnings: tuple[str, ...] = ()
+    provenance: Mapping[str, Any] = field(default_factory=dict)
+
+    @property
+    def light_plane(self) -> LightPlane:
+        """The first, and most often the only, sheet of light."""
+        return self.light_planes[0]
+
+    # The three methods below are the public face of higher floors; the import contract
+    # names these imports one by one (docs/decisions/0002-methods-on-calibration.md).
+
+    def triangulate(self, uv: Array) -> Array:
+        """Image points ``(N, 2)`` px on the laser line to points ``(N, 3)`` mm, camera frame.
+
+        See `sheetoflight.measurement.triangulation.triangulate`.
+        """
+        from sheetoflight.measurement.triangulation import triangulate
+
+        return triangulate(self, uv)
+
+    def length(self, uv_1: Array, uv_2: Array, std_px: float | None = None) -> Length:
+        """Distance between two image points on the laser line, with its uncertainty.
+
+        See `sheetoflight.measurement.length.length`.
+        """
+        from sheetoflight.measurement.length import length
+
+        return length(self, uv_1, uv_2, std_px)
+
+    def save(self, path: str | Path) -> None:
+        """Write ``calibration.json``, whole or not at all."""
+        from sheetoflight.io.calibration_json import write_calibration
+
+        write_calibration(path, self)

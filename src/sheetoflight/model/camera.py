@@ -1,0 +1,287 @@
+"""The camera: pinhole with skew and Brown's lens distortion."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+
+from sheetoflight.errors import InputError
+from sheetoflight.geometry.directions import Array
+
+DISTORTION_MODELS: dict[str, tuple[str, ...]] = {
+    "none": (),
+    "radial1": ("k1",),
+    "radial2": ("k1", "k2"),
+    "brown": ("k1", "k2", "p1", "p2", "k3"),
+}
+"""Coefficients that each distortion model estimates."""
+
+_NEWTON_STEPS = 50
+_CONVERGED = 1e-13
+
+
+@dataclass(frozen=True)
+class Camera:
+    """A pinhole camera with lens distortion.
+
+    With ``x = X/Z``, ``y = Y/Z``, ``r² = x² + y²`` and ``ρ = 1 + k1 r² + k2 r⁴ + k3 r⁶``::
+
+        x' = ρ x + 2 p1 x y + p2 (r² + 2 x²)        u = alpha x' + gamma y' + u0
+        y' = ρ y + p1 (r² + 2 y²) + 2 p2 x y        v = beta y' + v0
+
+    The letters of K are the paper's (eq. 1); distortion is Brown, "Close-range camera
+    calibration", Photogrammetric Engineering 37(8), 1971, in OpenCV's order and formula.
+
+    Parameters
+    ----------
+    image_size : (int, int)
+        Width and height in px.
+    alpha, beta : float
+        Focal length along u and v in px.
+    u0, v0 : float
+        Principal point in px; (0, 0) is the centre of the top-left pixel.
+    gamma : float
+        Skew of the image axes in px.
+    distortion : (k1, k2, p1, p2, k3)
+
+    Raises
+    ------
+    InputError
+        If a parameter is not finite or a focal length is not positive.
+    """
+
+    image_size: tuple[int, int]
+    alpha: float
+    beta: float
+    u0: float
+    v0: float
+    gamma: float = 0.0
+    distortion: tuple[float, float, float, float, float] = (0.0, 0.0, 0.0, 0.0, 0.0)
+
+    PARAMETERS = ("alpha", "beta", "gamma", "u0", "v0", "k1", "k2", "p1", "p2", "k3")
+
+    def __post_init__(self) -> None:
+        coefficients = tuple(float(c) for c in self.distortion)
+        if len(coefficients) != 5:
+            raise InputError(
+                f"the distortion has {len(coefficients)} coefficients, expected 5",
+                "give [k1, k2, p1, p2, k3]",
+            )
+        object.__setattr__(self, "distortion", coefficients)
+        object.__setattr__(self, "image_size", tuple(int(n) for n in self.image_size))
+        if not np.isfinite(self.parameters).all():
+            raise InputError(
+                f"a camera parameter is not a finite number: {self.parameters.tolist()}",
+                "give finite numbers for K and the distortion",
+            )
+        if self.alpha <= 0 or self.beta <= 0:
+            raise InputError(
+                f"the focal lengths are {self.alpha} and {self.beta} px", "both must be positive"
+            )
+        if len(self.image_size) != 2 or min(self.image_size) < 1:
+            raise InputError(
+                f"image_size is {list(self.image_size)}", "give [width, height] in pixels"
+            )
+
+    @classmethod
+    def from_matrix(
+        cls,
+        image_size: tuple[int, int],
+        matrix: Array,
+        distortion: Iterable[float] = (0.0, 0.0, 0.0, 0.0, 0.0),
+    ) -> Camera:
+        """Camera from ``K = [[alpha, gamma, u0], [0, beta, v0], [0, 0, 1]]``."""
+        k = np.asarray(matrix, dtype=float)
+        if k.shape != (3, 3) or k[1, 0] != 0 or not np.array_equal(k[2], [0, 0, 1]):
+            raise InputError(
+                f"the camera matrix is {k.tolist()}",
+                "expected [[alpha, gamma, u0], [0, beta, v0], [0, 0, 1]]",
+            )
+        return cls(
+            image_size=image_size,
+            alpha=float(k[0, 0]),
+            beta=float(k[1, 1]),
+            gamma=float(k[0, 1]),
+            u0=float(k[0, 2]),
+            v0=float(k[1, 2]),
+            distortion=tuple(distortion),  # pyright: ignore[reportArgumentType] – checked above
+        )
+
+    @cached_property
+    def parameters(self) -> Array:
+        """All ten parameters in `PARAMETERS` order."""
+        return np.array(
+            [self.alpha, self.beta, self.gamma, self.u0, self.v0, *self.distortion], dtype=float
+        )
+
+    def with_parameters(self, values: Array) -> Camera:
+        """The same picture size with all ten parameters replaced."""
+        alpha, beta, gamma, u0, v0, *distortion = (float(x) for x in values)
+        return replace(
+            self, alpha=alpha, beta=beta, gamma=gamma, u0=u0, v0=v0, distortion=tuple(distortion)
+        )
+
+    @cached_property
+    def matrix(self) -> Array:
+        """Camera matrix K ``(3, 3)``."""
+        return np.array(
+            [[self.alpha, self.gamma, self.u0], [0.0, self.beta, self.v0], [0.0, 0.0, 1.0]]
+        )
+
+    @property
+    def distorts(self) -> bool:
+        """Whether any distortion coefficient differs from zero."""
+        return any(self.distortion)
+
+    def project(self, points: Array) -> Array:
+        """Image points ``(..., 2)`` px of points ``(..., 3)`` mm in the camera frame.
+
+        NaN for points that are not in front of the camera.
+        """
+        points = np.asarray(points, dtype=float)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            inverse_z = np.where(points[..., 2] > 0, 1.0 / points[..., 2], np.nan)
+        return self.pixels_of(points[..., :2] * inverse_z[..., None])
+
+    def project_with_jacobians(self, points: Array) -> tuple[Array, Array, Array]:
+        """`project`, and its derivatives.
+
+        Returns
+        -------
+        uv : (..., 2) px
+        by_point : (..., 2, 3) px per mm
+        by_parameter : (..., 2, 10) px per unit of each of `PARAMETERS`
+        """
+        points = np.asarray(points, dtype=float)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            inverse_z = np.where(points[..., 2] > 0, 1.0 / points[..., 2], np.nan)
+        normal_xy = points[..., :2] * inverse_z[..., None]
+        distorted, by_normal, by_coefficient = self._distorted_with_jacobians(normal_xy)
+        uv = distorted @ self.matrix[:2, :2].T + self.matrix[:2, 2]
+
+        uv_by_normal = self.matrix[:2, :2] @ by_normal
+        by_point = np.empty((*uv.shape, 3))
+        by_point[..., :2] = uv_by_normal * inverse_z[..., None, None]
+        by_point[..., 2] = -np.einsum("...ij,...j->...i", by_point[..., :2], normal_xy)
+
+        by_parameter = np.zeros((*uv.shape, 10))
+        by_parameter[..., 0, 0] = distorted[..., 0]
+        by_parameter[..., 1, 1] = distorted[..., 1]
+        by_parameter[..., 0, 2] = distorted[..., 1]
+        by_parameter[..., 0, 3] = 1.0
+        by_parameter[..., 1, 4] = 1.0
+        by_parameter[..., 5:] = self.matrix[:2, :2] @ by_coefficient
+        return uv, by_point, by_parameter
+
+    def pixels_of(self, normal_xy: Array) -> Array:
+        """Image points ``(..., 2)`` px of ideal normalised coordinates ``(..., 2)``."""
+        distorted = self._distorted(normal_xy) if self.distorts else normal_xy
+        return distorted @ self.matrix[:2, :2].T + self.matrix[:2, 2]
+
+    def unproject(self, uv: Array) -> Array:
+        """Rays ``(..., 3)`` with z = 1 through image points ``(..., 2)`` px.
+
+        NaN where the distortion has no inverse: the point lies beyond the lens model's turning
+        point, so no ray of the model's own branch reaches it.
+        """
+        uv = np.asarray(uv, dtype=float)
+        y = (uv[..., 1] - self.v0) / self.beta
+        x = (uv[..., 0] - self.u0 - self.gamma * y) / self.alpha
+        distorted = np.stack([x, y], axis=-1)
+        normal_xy = self._undistorted(distorted) if self.distorts else distorted
+        return np.concatenate([normal_xy, np.ones_like(normal_xy[..., :1])], axis=-1)
+
+    def unproject_with_jacobians(self, uv: Array) -> tuple[Array, Array, Array]:
+        """`unproject`, and the derivatives of the rays' x and y.
+
+        Returns
+        -------
+        rays : (..., 3)
+        by_pixel : (..., 2, 2) per px
+        by_parameter : (..., 2, 10)
+            How the ray of a fixed pixel moves with each of `PARAMETERS`.
+        """
+        rays = self.unproject(uv)
+        _, by_point, by_parameter = self.project_with_jacobians(rays)
+        by_pixel = _inverse_2x2(by_point[..., :2])
+        return rays, by_pixel, -by_pixel @ by_parameter
+
+    def _radial(self, r2: Array) -> tuple[Array, Array]:
+        k1, k2, _, _, k3 = self.distortion
+        factor = 1.0 + r2 * (k1 + r2 * (k2 + r2 * k3))
+        slope = k1 + r2 * (2.0 * k2 + r2 * 3.0 * k3)
+        return factor, slope
+
+    def _distorted(self, normal_xy: Array) -> Array:
+        x, y = normal_xy[..., 0], normal_xy[..., 1]
+        _, _, p1, p2, _ = self.distortion
+        r2 = x * x + y * y
+        factor, _ = self._radial(r2)
+        return np.stack(
+            [
+                factor * x + 2.0 * p1 * x * y + p2 * (r2 + 2.0 * x * x),
+                factor * y + p1 * (r2 + 2.0 * y * y) + 2.0 * p2 * x * y,
+            ],
+            axis=-1,
+        )
+
+    def _distorted_with_jacobians(self, normal_xy: Array) -> tuple[Array, Array, Array]:
+        x, y = normal_xy[..., 0], normal_xy[..., 1]
+        _, _, p1, p2, _ = self.distortion
+        r2 = x * x + y * y
+        factor, slope = self._radial(r2)
+        xy2 = 2.0 * x * y
+        x_term, y_term = r2 + 2.0 * x * x, r2 + 2.0 * y * y
+
+        distorted = np.empty_like(normal_xy)
+        distorted[..., 0] = factor * x + p1 * xy2 + p2 * x_term
+        distorted[..., 1] = factor * y + p1 * y_term + p2 * xy2
+
+        by_normal = np.empty((*normal_xy.shape, 2))
+        by_normal[..., 0, 0] = factor + 2.0 * (slope * x * x + p1 * y + 3.0 * p2 * x)
+        by_normal[..., 0, 1] = slope * xy2 + 2.0 * (p1 * x + p2 * y)
+        by_normal[..., 1, 0] = by_normal[..., 0, 1]
+        by_normal[..., 1, 1] = factor + 2.0 * (slope * y * y + 3.0 * p1 * y + p2 * x)
+
+        by_coefficient = np.empty((*normal_xy.shape, 5))
+        powers = (r2, r2 * r2, r2 * r2 * r2)
+        for column, power in zip((0, 1, 4), powers, strict=True):
+            by_coefficient[..., 0, column] = power * x
+            by_coefficient[..., 1, column] = power * y
+        by_coefficient[..., 0, 2] = xy2
+        by_coefficient[..., 1, 2] = y_term
+        by_coefficient[..., 0, 3] = x_term
+        by_coefficient[..., 1, 3] = xy2
+        return distorted, by_normal, by_coefficient
+
+    def _undistorted(self, distorted: Array) -> Array:
+        """Newton's iteration from the centre outwards, with the analytic Jacobian."""
+        normal_xy = distorted.copy()
+        for _ in range(_NEWTON_STEPS):
+            image, by_normal, _ = self._distorted_with_jacobians(normal_xy)
+            step = np.einsum("...ij,...j->...i", _inverse_2x2(by_normal), distorted - image)
+            normal_xy = normal_xy + step
+            if not np.any(np.abs(step) > _CONVERGED):
+                break
+        with np.errstate(invalid="ignore", over="ignore"):
+            image, by_normal, _ = self._distorted_with_jacobians(normal_xy)
+            good = np.abs(image - distorted).max(axis=-1) < 1e-10
+            good &= np.linalg.det(by_normal) > 0
+            good &= by_normal[..., 0, 0] > 0
+        return np.where(good[..., None], normal_xy, np.nan)
+
+
+def _inverse_2x2(matrices: Array) -> Array:
+    a, b = matrices[..., 0, 0], matrices[..., 0, 1]
+    c, d = matrices[..., 1, 0], matrices[..., 1, 1]
+    inverse = np.empty_like(matrices)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        scale = 1.0 / (a * d - b * c)
+    inverse[..., 0, 0] = d * scale
+    inverse[..., 0, 1] = -b * scale
+    inverse[..., 1, 0] = -c * scale
+    inverse[..., 1, 1] = a * scale
+    return inverse

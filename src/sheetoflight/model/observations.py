@@ -1,0 +1,93 @@
+"""What was seen: the image points of markers, view by view."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from sheetoflight.errors import InputError
+from sheetoflight.geometry.directions import Array
+
+
+@dataclass(frozen=True)
+class TargetViews:
+    """Image points of the target's markers in the views of one stage.
+
+    Parameters
+    ----------
+    names : tuple of str
+        A name for each of the N views, unique in its stage.
+    uv : (N, M, 2) array
+        Image point of each of the M markers in px; NaN where a marker was not seen.
+    std : (N, M) array, optional
+        Standard uncertainty of each image coordinate in px; NaN or absent where unknown.
+
+    Raises
+    ------
+    InputError
+        If shapes disagree, or a name is not unique.
+    """
+
+    names: tuple[str, ...]
+    uv: Array
+    std: Array | None = None
+
+    def __post_init__(self) -> None:
+        uv = np.array(self.uv, dtype=float)
+        if uv.ndim != 3 or uv.shape[0] != len(self.names) or uv.shape[2] != 2:
+            raise InputError(
+                f"image points have shape {uv.shape}, expected ({len(self.names)}, M, 2)",
+                "give one row of markers for each named view",
+            )
+        if len(set(self.names)) != len(self.names):
+            twice = next(n for n in self.names if self.names.count(n) > 1)
+            raise InputError(f"view {twice} is given twice", "give every view a name of its own")
+        if self.std is not None and np.shape(self.std) != uv.shape[:2]:
+            raise InputError(
+                f"std has shape {np.shape(self.std)}, expected {uv.shape[:2]}",
+                "give one standard uncertainty for each marker",
+            )
+        uv.setflags(write=False)
+        object.__setattr__(self, "names", tuple(self.names))
+        object.__setattr__(self, "uv", uv)
+
+    def __len__(self) -> int:
+        return len(self.names)
+
+    @property
+    def seen(self) -> np.ndarray:
+        """``(N, M)`` mask of the markers that were seen."""
+        return np.isfinite(self.uv).all(axis=-1)
+
+    def take(self, views: np.ndarray) -> TargetViews:
+        """The views that an index array or mask ``views`` selects."""
+        index = np.arange(len(self))[views]
+        std = None if self.std is None else self.std[index]
+        return TargetViews(tuple(self.names[i] for i in index), self.uv[index], std)
+
+
+def no_views(markers: int = 3) -> TargetViews:
+    """Views of a stage that was not recorded."""
+    return TargetViews((), np.empty((0, markers, 2)))
+
+
+@dataclass(frozen=True)
+class Observations:
+    """All views of a rig, by stage.
+
+    Parameters
+    ----------
+    camera : TargetViews
+        The target pivots about marker 0, laser off.
+    plane : TargetViews
+        All markers lie in the sheet of light.
+    """
+
+    camera: TargetViews = field(default_factory=no_views)
+    plane: TargetViews = field(default_factory=no_views)
+
+    def stages(self) -> dict[str, TargetViews]:
+        """The stages that hold at least one view."""
+        both = {"camera": self.camera, "plane": self.plane}
+        return {stage: views for stage, views in both.items() if len(views)}

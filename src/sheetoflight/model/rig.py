@@ -1,0 +1,62 @@
+"""What is known of a rig before it is calibrated."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+
+from sheetoflight.errors import InputError
+from sheetoflight.model.camera import DISTORTION_MODELS
+from sheetoflight.model.observations import Observations
+from sheetoflight.model.target import CollinearTarget
+
+
+@dataclass(frozen=True)
+class Rig:
+    """A rig folder's content: ``rig.toml`` and what was observed.
+
+    Parameters
+    ----------
+    target : CollinearTarget
+    image_size : (int, int)
+        Width and height of the pictures in px.
+    distortion : {"none", "radial1", "radial2", "brown"}
+        Which coefficients of the lens are estimated.
+    skew : bool
+        Whether ``gamma`` is estimated.
+    pixel_std : float, optional
+        Standard uncertainty of an image coordinate in px; estimated where absent.
+    observations : Observations
+    source : str
+        Where it was read from, for reports.
+    """
+
+    target: CollinearTarget
+    image_size: tuple[int, int]
+    distortion: str = "none"
+    skew: bool = False
+    pixel_std: float | None = None
+    observations: Observations = field(default_factory=Observations)
+    source: str = ""
+
+    def __post_init__(self) -> None:
+        if self.distortion not in DISTORTION_MODELS:
+            raise InputError(
+                f"distortion is '{self.distortion}'", f"choose {' | '.join(DISTORTION_MODELS)}"
+            )
+        if self.pixel_std is not None and not (
+            math.isfinite(self.pixel_std) and self.pixel_std > 0
+        ):
+            raise InputError(
+                f"pixel_std is {self.pixel_std} px", "give a value above zero, or leave it out"
+            )
+        if len(self.image_size) != 2 or min(self.image_size) < 1:
+            raise InputError(
+                f"image_size is {list(self.image_size)}", "give [width, height] in pixels"
+            )
+
+    @property
+    def free_intrinsics(self) -> tuple[str, ...]:
+        """Names of the camera parameters to estimate, in `Camera.PARAMETERS` order."""
+        skew = ("gamma",) if self.skew else ()
+        return ("alpha", "beta", *skew, "u0", "v0", *DISTORTION_MODELS[self.distortion])
