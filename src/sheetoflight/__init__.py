@@ -1,0 +1,69 @@
+"""Calibrate a camera and a sheet of light, and measure with known uncertainty.
+
+The public names load on first use, so that importing the package stays cheap.
+
+Examples
+--------
+>>> import sheetoflight as sol
+>>> rig = sol.load_rig("rig/")                       # doctest: +SKIP
+>>> calibration = sol.calibrate(rig)                 # doctest: +SKIP
+>>> calibration.length((700, 400), (720, 640)).value  # doctest: +SKIP
+"""
+
+from __future__ import annotations
+
+from importlib import import_module
+from typing import TYPE_CHECKING
+
+__version__ = "0.1.0"
+
+if TYPE_CHECKING:
+    from sheetoflight.calibration.methods import CalibrationOptions as CalibrationOptions
+    from sheetoflight.calibration.methods import calibrate as calibrate
+    from sheetoflight.errors import FileError as FileError
+    from sheetoflight.errors import InputError as InputError
+    from sheetoflight.errors import SheetOfLightError as SheetOfLightError
+    from sheetoflight.errors import ToleranceError as ToleranceError
+    from sheetoflight.errors import UntrustworthyError as UntrustworthyError
+    from sheetoflight.model.calibration import Calibration as Calibration
+    from sheetoflight.model.camera import Camera as Camera
+    from sheetoflight.model.light_plane import LightPlane as LightPlane
+    from sheetoflight.model.observations import Observations as Observations
+    from sheetoflight.model.observations import TargetViews as TargetViews
+    from sheetoflight.model.rig import Rig as Rig
+    from sheetoflight.model.target import CollinearTarget as CollinearTarget
+    from sheetoflight.workflow import load_calibration as load_calibration
+    from sheetoflight.workflow import load_rig as load_rig
+
+_HOMES = {
+    "Calibration": "model.calibration",
+    "CalibrationOptions": "calibration.methods",
+    "Camera": "model.camera",
+    "CollinearTarget": "model.target",
+    "FileError": "errors",
+    "InputError": "errors",
+    "LightPlane": "model.light_plane",
+    "Observations": "model.observations",
+    "Rig": "model.rig",
+    "SheetOfLightError": "errors",
+    "TargetViews": "model.observations",
+    "ToleranceError": "errors",
+    "UntrustworthyError": "errors",
+    "calibrate": "calibration.methods",
+    "load_calibration": "workflow",
+    "load_rig": "workflow",
+}
+
+__all__ = ["__version__", *_HOMES]  # noqa: PLE0604 – the keys are the names
+
+
+def __getattr__(name: str) -> object:
+    if name not in _HOMES:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    value = getattr(import_module(f"{__name__}.{_HOMES[name]}"), name)
+    globals()[name] = value
+    return value
+
+
+def __dir__() -> list[str]:
+    return sorted(__all__)

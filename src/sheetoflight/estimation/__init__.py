@@ -1,0 +1,1 @@
+"""Engines that know no word of cameras or lasers."""

@@ -1,0 +1,1 @@
+"""A calibration and pixels in, millimetres with their uncertainty out."""

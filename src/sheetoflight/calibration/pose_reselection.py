@@ -1,0 +1,66 @@
+"""The other pose of a pivoting target.
+
+Given the camera and the fixed point, the ray of a far marker meets the sphere that the marker
+can reach twice, so every view has two stable poses and a descent stays in the one it began in.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from sheetoflight.geometry.directions import Array, normalised
+from sheetoflight.model.camera import Camera
+from sheetoflight.model.observations import TargetViews
+
+
+def reselected_directions(
+    camera: Camera, anchor: Array, directions: Array, views: TargetViews, positions: Array
+) -> tuple[Array, np.ndarray]:
+    """For every view the pose with the least reprojection error among all intersections.
+
+    Parameters
+    ----------
+    camera : Camera
+    anchor : (3,) array
+        The fixed point, mm.
+    directions : (N, 3) array
+        Present directions; each is kept unless another one fits better.
+    views : TargetViews
+        N views.
+    positions : (M,) array
+        Marker positions from the fixed point, mm.
+
+    Returns
+    -------
+    directions : (N, 3) array
+    changed : (N,) mask
+    """
+    candidates = _candidates(camera, anchor, views, positions)
+    errors = _squared_errors(camera, anchor, candidates, views, positions)
+    now = _squared_errors(camera, anchor, directions[:, None], views, positions)[:, 0]
+    best = errors.argmin(axis=1)
+    rows = np.arange(len(best))
+    changed = errors[rows, best] < now
+    chosen = np.where(changed[:, None], candidates[rows, best], directions)
+    return chosen, changed
+
+
+def _candidates(camera: Camera, anchor: Array, views: TargetViews, positions: Array) -> Array:
+    """Directions ``(N, 2 (M - 1), 3)``: each far marker's ray cut with its sphere, twice."""
+    rays = normalised(camera.unproject(views.uv[:, 1:]))
+    radii = positions[1:]
+    foot = rays @ anchor
+    half_chord = np.sqrt(np.maximum(foot**2 - anchor @ anchor + radii**2, 0.0))
+    depths = np.stack([foot - half_chord, foot + half_chord], axis=-1)
+    offsets = depths[..., None] * rays[:, :, None, :] - anchor
+    return normalised(offsets).reshape(len(views), -1, 3)
+
+
+def _squared_errors(
+    camera: Camera, anchor: Array, directions: Array, views: TargetViews, positions: Array
+) -> Array:
+    """Sum of squared residuals ``(N, C)`` of C poses a view; infinite for impossible ones."""
+    points = anchor + positions[:, None] * directions[:, :, None, :]
+    errors = np.sum((camera.project(points) - views.uv[:, None]) ** 2, axis=-1)
+    errors = np.where(views.seen[:, None, :], errors, 0.0)
+    return np.nan_to_num(errors.sum(axis=-1), nan=np.inf)

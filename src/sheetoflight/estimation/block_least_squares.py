@@ -1,0 +1,272 @@
+"""Least squares with few shared parameters and many small groups of local ones.
+
+The normal equations of such a problem have an arrowhead: every group's local parameters meet
+only themselves and the shared ones. Eliminating them group by group (the Schur complement)
+costs time and memory in proportion to the number of groups. Levenberg's and Marquardt's damping
+makes each step safe: Marquardt, J. SIAM 11(2), 1963; the schedule is Nielsen's, report
+IMM-REP-1999-05, Technical University of Denmark. The elimination is that of Triggs et al.,
+"Bundle adjustment – a modern synthesis", 2000, section 6.1.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Generic, Protocol, TypeVar
+
+import numpy as np
+
+from sheetoflight.geometry.directions import Array
+
+State = TypeVar("State")
+
+
+@dataclass(frozen=True)
+class Block:
+    """Residuals of N alike groups, each with k local parameters.
+
+    Parameters
+    ----------
+    residuals : (N, m) array
+        In units of their standard uncertainty.
+    by_shared : (N, m, s) array
+        Derivatives by the shared parameters that `columns` names.
+    columns : (s,) int array
+        Which of all shared parameters those are.
+    by_local : (N, m, k) array
+        Derivatives by the group's own parameters.
+    """
+
+    residuals: Array
+    by_shared: Array
+    columns: np.ndarray
+    by_local: Array
+
+    @property
+    def cost(self) -> float:
+        """Half the sum of squares."""
+        flat = self.residuals.ravel()
+        return 0.5 * float(flat @ flat)
+
+
+class BlockProblem(Protocol[State]):
+    """What `solve` minimises. The state may live on any manifold."""
+
+    @property
+    def shared_size(self) -> int:
+        """Number of shared parameters."""
+        ...
+
+    def blocks(self, state: State) -> Sequence[Block]:
+        """Residuals and derivatives at a state."""
+        ...
+
+    def moved(self, state: State, shared: Array, local: Sequence[Array]) -> State:
+        """The state after a step: ``(shared_size,)`` and one ``(N, k)`` for each block."""
+        ...
+
+
+@dataclass(frozen=True)
+class SolverOptions:
+    """When to stop: the step would lower the cost by less than `tolerance` of it, or after
+    `iterations` steps; `damping` is relative to the diagonal of the normal equations."""
+
+    tolerance: float = 1e-13
+    iterations: int = 100
+    damping: float = 1e-4
+
+
+@dataclass(frozen=True)
+class Solution(Generic[State]):
+    """A minimum.
+
+    Parameters
+    ----------
+    state
+        Where it lies.
+    cost : float
+        Half the sum of squares there.
+    information : (shared_size, shared_size) array
+        Reduced normal equations of the shared parameters, undamped.
+    iterations : int
+    converged : bool
+        False if `SolverOptions.iterations` ran out, or no step was finite.
+    """
+
+    state: State
+    cost: float
+    information: Array
+    iterations: int
+    converged: bool
+
+
+@dataclass(frozen=True)
+class _Elimination:
+    """One block's share of the normal equations."""
+
+    columns: np.ndarray
+    shared: Array  # (s, s)
+    mixed: Array  # (N, s, k)
+    local: Array  # (N, k, k)
+    shared_gradient: Array  # (s,)
+    local_gradient: Array  # (N, k)
+
+    @classmethod
+    def of(cls, block: Block) -> _Elimination:
+        count, rows, width = block.by_shared.shape
+        flat = block.by_shared.reshape(count * rows, width)
+        transposed_local = block.by_local.transpose(0, 2, 1)
+        return cls(
+            columns=block.columns,
+            shared=flat.T @ flat,
+            mixed=block.by_shared.transpose(0, 2, 1) @ block.by_local,
+            local=transposed_local @ block.by_local,
+            shared_gradient=flat.T @ block.residuals.reshape(-1),
+            local_gradient=(transposed_local @ block.residuals[..., None])[..., 0],
+        )
+
+    def solved(self, damping: float) -> Array:
+        """Local normal equations solved for ``[mixedᵀ | gradient]``, ``(N, k, s + 1)``."""
+        local = self.local
+        if damping:
+            local = local.copy()
+            diagonal = np.arange(local.shape[-1])
+            local[:, diagonal, diagonal] *= 1.0 + damping
+        right = np.concatenate(
+            [self.mixed.transpose(0, 2, 1), self.local_gradient[..., None]], axis=2
+        )
+        return np.linalg.solve(local, right)
+
+    def reduced(self, solved: Array) -> tuple[Array, Array]:
+        """What is left of the shared equations: matrix ``(s, s)`` and gradient ``(s,)``."""
+        taken = np.tensordot(self.mixed, solved, axes=([0, 2], [0, 1]))
+        return self.shared - taken[:, :-1], self.shared_gradient - taken[:, -1]
+
+
+def solve(
+    problem: BlockProblem[State], state: State, options: SolverOptions | None = None
+) -> Solution[State]:
+    """Minimise half the sum of squares from a starting state.
+
+    Raises
+    ------
+    numpy.linalg.LinAlgError
+        If a group's own parameters are undetermined at the start.
+    """
+    options = options or SolverOptions()
+    damping, growth = options.damping, 2.0
+    blocks = problem.blocks(state)
+    cost = _cost(blocks)
+    parts = [_Elimination.of(block) for block in blocks]
+    converged, iterations = False, 0
+    while iterations < options.iterations and np.isfinite(cost):
+        iterations += 1
+        shared, local, gain = _step(parts, problem.shared_size, damping)
+        if gain <= options.tolerance * cost + np.finfo(float).tiny:
+            converged = True
+            break
+        candidate = problem.moved(state, shared, local)
+        trial_blocks = problem.blocks(candidate)
+        trial = _cost(trial_blocks)
+        ratio = (cost - trial) / gain if np.isfinite(trial) else -1.0
+        if ratio > 0:
+            state, cost, blocks = candidate, trial, trial_blocks
+            parts = [_Elimination.of(block) for block in blocks]
+            damping *= max(1e-3, 1.0 - (2.0 * ratio - 1.0) ** 3)
+            growth = 2.0
+        elif gain <= 1e3 * np.finfo(float).eps * cost:
+            converged = True  # the promised gain drowns in rounding: this is the minimum
+            break
+        else:
+            damping *= growth
+            growth *= 2.0
+    return Solution(
+        state, cost, _information(parts, problem.shared_size), iterations, bool(converged)
+    )
+
+
+def reduced_information(blocks: Sequence[Block], size: int) -> Array:
+    """Normal equations ``(size, size)`` of the shared parameters, all others eliminated."""
+    return _information([_Elimination.of(block) for block in blocks], size)
+
+
+def scaled_inverse(information: Array) -> tuple[Array, float]:
+    """Covariance from an information matrix, scaled to a unit diagonal before it is inverted.
+
+    Returns
+    -------
+    covariance : (P, P) array
+    condition : float
+        Condition number of the scaled matrix.
+
+    Raises
+    ------
+    numpy.linalg.LinAlgError
+        If the matrix is not positive definite to working precision.
+    """
+    diagonal = np.diag(information)
+    if not np.isfinite(information).all() or np.any(diagonal <= 0):
+        raise np.linalg.LinAlgError("a parameter has no influence on the observations")
+    scale = 1.0 / np.sqrt(diagonal)
+    values, vectors = np.linalg.eigh(information * scale[:, None] * scale)
+    if values[0] <= len(values) * np.finfo(float).eps * values[-1]:
+        raise np.linalg.LinAlgError("a combination of parameters is undetermined")
+    root = vectors / np.sqrt(values) * scale[:, None]
+    return root @ root.T, float(values[-1] / values[0])
+
+
+def _cost(blocks: Sequence[Block]) -> float:
+    return sum(block.cost for block in blocks)
+
+
+def _step(
+    parts: Sequence[_Elimination], size: int, damping: float
+) -> tuple[Array, list[Array], float]:
+    """A damped Gauss-Newton step and the drop in cost that the linear model promises."""
+    matrix, gradient = np.zeros((size, size)), np.zeros(size)
+    all_solved = []
+    undamped = np.zeros(size)
+    for part in parts:
+        solved = part.solved(damping)
+        reduced, reduced_gradient = part.reduced(solved)
+        matrix[np.ix_(part.columns, part.columns)] += reduced
+        gradient[part.columns] += reduced_gradient
+        undamped[part.columns] += np.diag(part.shared)
+        all_solved.append(solved)
+    matrix[np.diag_indices(size)] += damping * undamped
+    shared = -_solved_symmetric(matrix, gradient)
+    local, gain = [], 0.0
+    for part, solved in zip(parts, all_solved, strict=True):
+        own = shared[part.columns]
+        step = -(solved[..., :-1] @ own + solved[..., -1])
+        local.append(step)
+        gain += _model_gain(part, own, step)
+    return shared, local, gain
+
+
+def _model_gain(part: _Elimination, shared: Array, local: Array) -> float:
+    """Drop of ½‖r + J δ‖² along a step, from the block's normal equations."""
+    linear = shared @ part.shared_gradient + np.vdot(local, part.local_gradient)
+    along_local = np.einsum("ni,nij,nj->", local, part.local, local)
+    crossing = np.einsum("i,nij,nj->", shared, part.mixed, local)
+    quadratic = 0.5 * (shared @ part.shared @ shared + along_local) + crossing
+    return -float(linear + quadratic)
+
+
+def _solved_symmetric(matrix: Array, right: Array) -> Array:
+    """Solve with a unit diagonal, so that units do not matter; least norm where singular."""
+    diagonal = np.diag(matrix)
+    scale = 1.0 / np.sqrt(np.where(diagonal > 0, diagonal, 1.0))
+    scaled = matrix * scale[:, None] * scale
+    try:
+        return scale * np.linalg.solve(scaled, scale * right)
+    except np.linalg.LinAlgError:
+        return scale * np.linalg.lstsq(scaled, scale * right, rcond=None)[0]
+
+
+def _information(parts: Sequence[_Elimination], size: int) -> Array:
+    matrix = np.zeros((size, size))
+    for part in parts:
+        reduced, _ = part.reduced(part.solved(0.0))
+        matrix[np.ix_(part.columns, part.columns)] += reduced
+    return 0.5 * (matrix + matrix.T)

@@ -1,0 +1,93 @@
+"""Points on the sheet of light from their image points (the paper's eqs. 20–23)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from sheetoflight.errors import InputError
+from sheetoflight.geometry.directions import Array
+from sheetoflight.model.calibration import Calibration
+from sheetoflight.model.camera import Camera
+from sheetoflight.model.light_plane import LightPlane
+
+
+@dataclass(frozen=True)
+class TriangulatedPoints:
+    """Points with their derivatives.
+
+    Parameters
+    ----------
+    xyz : (N, 3) array
+        mm, camera frame; NaN where the ray does not meet the sheet in front of the camera.
+    by_pixel : (N, 3, 2) array
+        mm per px.
+    by_parameter : (N, 3, 14) array
+        mm per unit of `parameter_names`.
+    """
+
+    xyz: Array
+    by_pixel: Array
+    by_parameter: Array
+
+
+def parameter_names(plane: LightPlane) -> tuple[str, ...]:
+    """Names of the ten camera and four plane parameters, as in `Calibration.covariance`."""
+    camera = tuple(f"camera.{name}" for name in Camera.PARAMETERS)
+    return (*camera, *(f"{plane.name}.{name}" for name in ("nx", "ny", "nz", "d")))
+
+
+def triangulate(calibration: Calibration, uv: Array) -> Array:
+    """Image points on the laser line to points in space: ``X = d r / (n · r)``.
+
+    Parameters
+    ----------
+    calibration : Calibration
+    uv : (N, 2) or (2,) array
+        Image points in px.
+
+    Returns
+    -------
+    (N, 3) or (3,) array
+        mm, camera frame; NaN where the ray does not meet the sheet in front of the camera.
+
+    Raises
+    ------
+    InputError
+        If `uv` does not hold pairs of numbers.
+    """
+    return calibration.light_plane.intersect(calibration.camera.unproject(checked_pixels(uv)))
+
+
+def checked_pixels(uv: Array) -> Array:
+    """Image points as a float array ``(..., 2)``."""
+    pixels = np.asarray(uv, dtype=float)
+    if pixels.ndim == 0 or pixels.shape[-1] != 2:
+        raise InputError(
+            f"image points have shape {pixels.shape}, expected (N, 2)", "give pairs of u and v"
+        )
+    return pixels
+
+
+def triangulate_with_jacobians(calibration: Calibration, uv: Array) -> TriangulatedPoints:
+    """`triangulate` for ``(N, 2)`` image points, with derivatives.
+
+    From ``t = d / (n · r)`` and ``X = t r``: ``dX = (I − r nᵀ/(n · r)) t dr − r t (r · dn)/(n · r)
+    + r dd/(n · r)``.
+    """
+    plane = calibration.light_plane
+    rays, ray_by_pixel, ray_by_camera = calibration.camera.unproject_with_jacobians(
+        checked_pixels(uv)
+    )
+    xyz = plane.intersect(rays)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        slope = rays @ plane.normal
+        along = rays / slope[:, None]
+        depth = xyz[:, 2]  # rays have z = 1
+        by_ray = depth[:, None, None] * (np.eye(3) - along[:, :, None] * plane.normal)
+        by_parameter = np.empty((len(xyz), 3, 14))
+        by_parameter[..., :10] = by_ray[..., :2] @ ray_by_camera
+        by_parameter[..., 10:13] = -depth[:, None, None] * along[:, :, None] * rays[:, None, :]
+        by_parameter[..., 13] = along
+    return TriangulatedPoints(xyz, by_ray[..., :2] @ ray_by_pixel, by_parameter)
