@@ -2,7 +2,7 @@
 
 Mean absolute error in mm of random 150 and 450 mm segments in the sheet, their image points
 free of noise, by method; in units of the same error's own mean, the standard uncertainty that
-each calibration states. Run with ``python bench/seed_rig.py [TRIALS]``.
+each calibration states. Run with ``python -m bench.seed_rig [TRIALS]``.
 """
 
 from __future__ import annotations
