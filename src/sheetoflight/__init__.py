@@ -32,8 +32,8 @@ if TYPE_CHECKING:
     from sheetoflight.model.observations import TargetViews as TargetViews
     from sheetoflight.model.rig import Rig as Rig
     from sheetoflight.model.target import CollinearTarget as CollinearTarget
-    from sheetoflight.workflow import load_calibration as load_calibration
-    from sheetoflight.workflow import load_rig as load_rig
+    from sheetoflight.workflow.calibrated import load_calibration as load_calibration
+    from sheetoflight.workflow.rig_folder import load_rig as load_rig
 
 _HOMES = {
     "Calibration": "model.calibration",
@@ -50,8 +50,8 @@ _HOMES = {
     "ToleranceError": "errors",
     "UntrustworthyError": "errors",
     "calibrate": "calibration.methods",
-    "load_calibration": "workflow",
-    "load_rig": "workflow",
+    "load_calibration": "workflow.calibrated",
+    "load_rig": "workflow.rig_folder",
 }
 
 __all__ = ["__version__", *_HOMES]  # noqa: PLE0604 – the keys are the names

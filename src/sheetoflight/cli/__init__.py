@@ -1,0 +1,1 @@
+"""The commands ``sheetoflight`` and ``sol``: options in, text and exit status out."""

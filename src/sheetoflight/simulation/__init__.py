@@ -1,0 +1,1 @@
+"""Rigs, scenes and pictures whose truth is known."""

@@ -1,0 +1,1 @@
+"""The laser line in pictures: its pieces, their centres and their ends."""

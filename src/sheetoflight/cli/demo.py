@@ -1,0 +1,66 @@
+"""``sol demo``."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Literal
+
+import numpy as np
+from cyclopts import Parameter
+
+from sheetoflight.calibration.methods import METHODS
+from sheetoflight.cli.telling import plain_table, progress_bar, tell, tell_table, warn
+from sheetoflight.workflow.demonstration import (
+    PAPER_TABLES,
+    Demonstration,
+    comparison_table,
+    demonstrate,
+)
+
+
+def demo(
+    folder: Path = Path("demo"),
+    /,
+    *,
+    seed: int = 0,
+    method: Annotated[
+        tuple[Literal["joint", "two-step", "paper"], ...], Parameter(consume_multiple=True)
+    ] = tuple(METHODS),  # pyright: ignore[reportArgumentType] – the table's own keys
+) -> None:
+    """The main job on the paper's rig, rendered: pictures to lengths, and a report.
+
+    Renders the pictures, detects the target, calibrates by every method, measures the lengths
+    of the paper's Tables 2 and 4, and writes report.html.
+
+    Example: sol demo demo/
+
+    Parameters
+    ----------
+    folder
+        Where everything is written; new, empty, or of an earlier demonstration.
+    seed
+        The same seed gives the same bytes.
+    method
+        The methods to compare; the report is on the first.
+    """
+    with progress_bar() as progress:
+        found = demonstrate(folder, method, seed, progress)
+    error = found.detection_error_px
+    tell(
+        f"markers: {found.pictures - found.missed} of {found.pictures} targets found, error "
+        f"{np.median(error):.3f} px median, {error.max():.3f} px at most"
+    )
+    for name, lengths, _ in PAPER_TABLES:
+        measured = sum(c.table == name for c in found.comparisons)
+        if measured < len(lengths):
+            warn(f"{name}: {len(lengths) - measured} of {len(lengths)} bars were not measured")
+        _tell(found, name)
+    tell(f"written to {folder}: open {folder / 'report.html'}")
+
+
+def _tell(found: Demonstration, name: str) -> None:
+    compared = comparison_table(found, name)
+    table = plain_table(compared.title, (compared.columns[0],), compared.columns[1:])
+    for index, row in enumerate(compared.rows):
+        table.add_row(*map(str, row), style="bold" if index in compared.highlight else None)
+    tell_table(table)

@@ -1,0 +1,39 @@
+"""``sol detect``."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from sheetoflight.cli.telling import AsJson, progress_bar, tell, tell_json, warn
+from sheetoflight.workflow.rig_folder import POINTS
+from sheetoflight.workflow.rig_folder import detect as detect_folder
+
+
+def detect(folder: Path, /, *, json: AsJson = False) -> None:
+    """Find the target in a rig folder's pictures and write points.csv there.
+
+    Example: sol detect rig/
+
+    Parameters
+    ----------
+    folder
+        The rig folder, with rig.toml and pictures in camera/ and plane/.
+    json
+        Print the result as JSON.
+    """
+    with progress_bar() as progress:
+        detection = detect_folder(folder, progress)
+    counts = {stage: len(views) for stage, views in detection.rig.observations.stages().items()}
+    if json:
+        missed = [
+            {"stage": missed.stage, "view": missed.view, "reason": missed.reason}
+            for missed in detection.missed
+        ]
+        tell_json({"file": str(folder / POINTS), "seen": counts, "missed": missed})
+        return
+    for missed in detection.missed:
+        warn(f"{missed.stage}/{missed.view}: {missed.reason}")
+    for stage, count in counts.items():
+        lost = sum(missed.stage == stage for missed in detection.missed)
+        tell(f"{stage}: target found in {count} of {count + lost} pictures")
+    tell(f"written to {folder / POINTS}")

@@ -1,0 +1,74 @@
+"""The command line's entry: which commands there are, and how an error is told."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Sequence
+
+from cyclopts import App, CycloptsError
+
+from sheetoflight import __version__
+from sheetoflight.errors import SheetOfLightError
+
+_INTERRUPTED = 130
+_BAD_USAGE = 2
+_BROKEN_PIPE = 141
+
+COMMANDS = {
+    "demo": "The main job on the paper's rig, rendered: pictures to lengths, and a report",
+    "target": "Draw a target to print, true to scale",
+    "simulate": "Render a rig folder with pictures, and the truth beside it",
+    "detect": "Find the target in a rig folder's pictures: writes points.csv",
+    "calibrate": "Calibrate camera and sheet of light from a rig folder",
+    "measure": "Lengths with their 95 % intervals, from segments.csv or from pictures",
+    "report": "One self-contained page on a calibration",
+}
+
+app = App(
+    name="sol",
+    version=__version__,
+    help="Calibrate a camera and a sheet of light, and measure with known uncertainty.\n\n"
+    "Example, from photographs of a target to a length and a report:\n\n"
+    "  sol calibrate rig/ -o calibration.json\n\n"
+    "  sol measure calibration.json rig/measure -o lengths.csv\n\n"
+    "  sol report calibration.json rig/measure -o report.html",
+    help_format="plaintext",
+    result_action="return_value",
+)
+for _name, _help in COMMANDS.items():
+    app.command(f"sheetoflight.cli.{_name}:{_name}", name=_name, help=_help)
+
+
+def main(words: Sequence[str] | None = None) -> int:
+    """Run one command and return its exit status."""
+    try:
+        app(words, exit_on_error=False, print_error=False)
+    except CycloptsError as error:
+        return _told(f"{_one_line(str(error))} – see sol --help, or sol COMMAND --help", _BAD_USAGE)
+    except SheetOfLightError as error:
+        return _told(_one_line(str(error)), error.exit_status)
+    except KeyboardInterrupt:
+        return _told("interrupted – nothing half-written was left", _INTERRUPTED)
+    except BrokenPipeError:
+        # whoever read our output has gone; do not let the interpreter complain while closing
+        sys.stdout = None
+        return _BROKEN_PIPE
+    return 0
+
+
+def run() -> None:
+    """Entry point of the installed commands."""
+    sys.exit(main())
+
+
+def _told(message: str, status: int) -> int:
+    print(f"error: {message}", file=sys.stderr)
+    return status
+
+
+def _one_line(message: str) -> str:
+    return " ".join(message.split())
+
+
+if __name__ == "__main__":
+    run()

@@ -1,0 +1,40 @@
+"""``sol report``."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+from cyclopts import Parameter
+
+from sheetoflight.cli.telling import progress_bar, tell
+from sheetoflight.workflow.calibrated import load_calibration
+from sheetoflight.workflow.measured import measure_pictures, pictures_named
+from sheetoflight.workflow.reported import write_report
+
+
+def report(
+    calibration: Path,
+    pictures: Annotated[list[Path] | None, Parameter(name="PICTURES")] = None,
+    /,
+    *,
+    output: Annotated[Path, Parameter(name=("--output", "-o"))] = Path("report.html"),
+) -> None:
+    """One self-contained page: the numbers, figures to turn with the mouse, what was used.
+
+    Example: sol report calibration.json rig/measure -o report.html
+
+    Parameters
+    ----------
+    calibration
+        The calibration.json.
+    pictures
+        Pictures with the laser line, or a folder of these, to be measured and shown.
+    output
+        Where to write the page.
+    """
+    known = load_calibration(calibration)
+    with progress_bar() as progress:
+        measured = measure_pictures(known, pictures_named(pictures or []), progress)
+    write_report(output, known, measured)
+    tell(f"written to {output}")

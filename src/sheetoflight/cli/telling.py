@@ -1,0 +1,77 @@
+"""How commands tell their results and their progress."""
+
+from __future__ import annotations
+
+import json
+import sys
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from typing import Annotated, Any
+
+from cyclopts import Parameter
+from rich.console import Console
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+from rich.table import Table
+
+from sheetoflight.workflow.spread import Progress as Tell
+
+AsJson = Annotated[bool, Parameter(name="--json", negative=())]
+"""The flag of commands whose result programs read."""
+
+_PLAIN_WIDTH = 100
+
+
+@contextmanager
+def progress_bar() -> Iterator[Tell]:
+    """A progress bar on standard error; nothing where that is no terminal."""
+    if not sys.stderr.isatty():
+        yield lambda *_: None
+        return
+    bar = Progress(
+        TextColumn("{task.description:<16}"),
+        BarColumn(),
+        MofNCompleteColumn(),
+        TimeRemainingColumn(),
+        console=Console(stderr=True),
+        transient=True,
+    )
+    tasks: dict[str, Any] = {}
+
+    def tell(what: str, done: int, total: int) -> None:
+        if what not in tasks:
+            tasks[what] = bar.add_task(what, total=total)
+        bar.update(tasks[what], completed=done)
+
+    with bar:
+        yield tell
+
+
+def tell_json(document: Mapping[str, Any]) -> None:
+    """Print a result for programs."""
+    print(json.dumps(document, indent=2, ensure_ascii=False, allow_nan=False))
+
+
+def tell_table(table: Table) -> None:
+    """Print a table, as wide as the terminal, or 100 columns where there is none."""
+    console = Console(width=None if sys.stdout.isatty() else _PLAIN_WIDTH, highlight=False)
+    console.print(table)
+
+
+def tell(text: str) -> None:
+    """Print a line of the result."""
+    print(text)
+
+
+def warn(message: str) -> None:
+    """Print a warning on standard error."""
+    print(f"warning: {message}", file=sys.stderr)
+
+
+def plain_table(title: str, left: tuple[str, ...], right: tuple[str, ...]) -> Table:
+    """A table with left-aligned columns, then right-aligned ones."""
+    table = Table(title=title, title_justify="left")
+    for heading in left:
+        table.add_column(heading)
+    for heading in right:
+        table.add_column(heading, justify="right")
+    return table

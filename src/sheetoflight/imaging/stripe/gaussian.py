@@ -1,0 +1,217 @@
+"""Centres of the line by least squares: a Gaussian, integrated over each pixel.
+
+Every row (or column, where the line runs more along the rows) that the line crosses gives one
+centre, from the picture's own samples: nothing is interpolated.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.special import erf
+
+from sheetoflight.geometry.directions import Array
+from sheetoflight.imaging.stripe.light import LineLight
+
+_HALF_WIDTH = 4.0  # of the samples taken across the line, in standard deviations
+_SAMPLES = (3, 40)  # fewest and most samples on either side
+_STEPS = 12
+_CONVERGED_PX = 1e-4
+_FIRST_DAMPING = 1e-3
+_WIDTHS = (0.3, 14.0)  # standard deviations that count as a line, px
+
+
+@dataclass(frozen=True)
+class Track:
+    """Where to look: one row or column after another, with a rough centre for each.
+
+    Parameters
+    ----------
+    along : (N,) int array
+        The rows (columns) of the picture.
+    across : (N,) array
+        Rough centre in each, px.
+    by_rows : bool
+        Whether `along` counts rows and `across` columns, or the other way round.
+    slope : (N,) array
+        Change of `across` from one to the next.
+    """
+
+    along: NDArray[np.int64]
+    across: Array
+    by_rows: bool
+    slope: Array
+
+
+@dataclass(frozen=True)
+class Centres:
+    """Gaussians fitted along a track; arrays ``(N,)`` of one value for each centre.
+
+    Parameters
+    ----------
+    uv : (N, 2) array
+        Centres, px.
+    std : (N,) array
+        Standard uncertainty of each centre across the line, px.
+    width : (N,) array
+        Standard deviation of the line's profile across the line, px.
+    amplitude : (N,) array
+        Height of the line over its surroundings, grey levels.
+    amplitude_std : (N,) array
+        Standard uncertainty of the amplitude.
+    good : (N,) bool array
+        Whether the fit came to rest at a line.
+    """
+
+    uv: Array
+    std: Array
+    width: Array
+    amplitude: Array
+    amplitude_std: Array
+    good: NDArray[np.bool_]
+
+
+def fitted_centres(light: LineLight, track: Track, width: float) -> Centres:
+    """Fit amplitude, centre, width and background in every row of the track.
+
+    The model is ``b + A w √(2π) [Φ((x + ½ − c)/w) − Φ((x − ½ − c)/w)]``, plus a slope of the
+    background where no off-picture has removed it. The box of the pixel along the track
+    is symmetric about the centre, so it widens the profile and does not move it.
+
+    Parameters
+    ----------
+    light : LineLight
+    track : Track
+    width : float
+        Rough standard deviation of the line across itself, px.
+    """
+    cosine = 1.0 / np.sqrt(1.0 + track.slope**2)
+    reach = width / float(np.median(cosine))
+    half = int(np.clip(np.ceil(_HALF_WIDTH * reach + 1.0), *_SAMPLES))
+    samples, full, weights, first = _windows(light, track, half)
+    start = _start(samples, weights, track.across - first, reach)
+    fit, covariance, still = _gauss_newton(samples, full, weights, start, not light.differenced)
+    noise = np.maximum(_row_noise(samples, full, weights, fit, start.shape[1]), light.noise_std)
+    across = fit[:, 1] + first
+    moved = np.abs(across - track.across)
+    good = still & (fit[:, 0] > 0) & (moved < 1.5 * reach + 1.0)
+    good &= (fit[:, 2] > _WIDTHS[0]) & (fit[:, 2] * cosine < _WIDTHS[1])
+    pair = (across, track.along) if track.by_rows else (track.along, across)
+    return Centres(
+        uv=np.stack(pair, axis=-1).astype(float),
+        std=noise * np.sqrt(covariance[:, 1, 1]) * cosine,
+        width=fit[:, 2] * cosine,
+        amplitude=fit[:, 0],
+        amplitude_std=noise * np.sqrt(covariance[:, 0, 0]),
+        good=good,
+    )
+
+
+def _windows(
+    light: LineLight, track: Track, half: int
+) -> tuple[Array, NDArray[np.bool_], Array, Array]:
+    """Samples ``(N, 2 half + 1)`` about the rough centres; weight 0 outside the picture."""
+    picture = light.picture if track.by_rows else light.picture.T
+    full = light.full if track.by_rows else light.full.T
+    first = np.rint(track.across).astype(np.int64) - half
+    columns = first[:, None] + np.arange(2 * half + 1)
+    inside = (columns >= 0) & (columns < picture.shape[1])
+    index = (track.along[:, None], np.clip(columns, 0, picture.shape[1] - 1))
+    return picture[index].astype(float), full[index], inside.astype(float), first.astype(float)
+
+
+def _start(samples: Array, weights: Array, centre: Array, width: float) -> Array:
+    """Rough amplitude, centre, width, background level and slope ``(N, 5)``."""
+    background = np.median(samples, axis=1)
+    background = np.minimum(background, np.quantile(samples, 0.25, axis=1))
+    index = np.clip(np.rint(centre).astype(int), 1, samples.shape[1] - 2)
+    rows = np.arange(len(samples))
+    peak = np.maximum(samples[rows, index], (samples[rows, index - 1] + samples[rows, index + 1]) / 2)
+    zero = np.zeros(len(samples))
+    start = [peak - background, centre, np.full(len(samples), width), background, zero]
+    return np.stack(start, axis=-1)
+
+
+def _model(parameters: Array, x: Array) -> tuple[Array, Array]:
+    """Samples ``(N, K)`` of the model and their derivatives ``(N, K, 5)``."""
+    amplitude, centre, width, level, slope = (p[:, None] for p in parameters.T)
+    right, left = (x + 0.5 - centre) / width, (x - 0.5 - centre) / width
+    g_right, g_left = np.exp(-0.5 * right**2), np.exp(-0.5 * left**2)
+    unit = width * np.sqrt(np.pi / 2.0) * (erf(right / np.sqrt(2.0)) - erf(left / np.sqrt(2.0)))
+    by_centre = amplitude * (g_left - g_right)
+    by_width = amplitude * (unit / width + g_left * left - g_right * right)
+    ones = np.ones_like(unit)
+    offset = x - centre
+    derivatives = np.stack([unit, by_centre - slope, by_width, ones, offset * ones], axis=-1)
+    return amplitude * unit + level + slope * offset, derivatives
+
+
+def _gauss_newton(
+    samples: Array, full: NDArray[np.bool_], weights: Array, start: Array, sloping: bool
+) -> tuple[Array, Array, NDArray[np.bool_]]:
+    """Levenberg–Marquardt on all rows at once.
+
+    Returns
+    -------
+    parameters : (N, 5), covariance : (N, P, P) for noise 1, still : (N,) bool
+        Whether the last step was short.
+    """
+    free = 5 if sloping else 4
+    x = np.arange(samples.shape[1], dtype=float)
+    parameters, damping = start.copy(), np.full(len(start), _FIRST_DAMPING)
+    residuals, normal, gradient = _normal_equations(parameters, x, samples, full, weights, free)
+    cost = np.sum(residuals**2, axis=1)
+    still = np.zeros(len(start), dtype=bool)
+    for _ in range(_STEPS):
+        diagonal = np.einsum("nii->ni", normal)
+        damped = normal + (damping[:, None] * diagonal + 1e-12)[:, :, None] * np.eye(free)
+        step = np.linalg.solve(damped, gradient[..., None])[..., 0]
+        trial = parameters.copy()
+        trial[:, :free] += step
+        trial[:, 2] = np.clip(trial[:, 2], 0.2, 2.0 * samples.shape[1])
+        trial[:, 1] = np.clip(trial[:, 1], 0.0, samples.shape[1] - 1.0)
+        found = _normal_equations(trial, x, samples, full, weights, free)
+        new_cost = np.sum(found[0] ** 2, axis=1)
+        better = new_cost <= cost
+        still = np.where(better, np.abs(step[:, 1]) < _CONVERGED_PX, still)
+        parameters[better], cost[better] = trial[better], new_cost[better]
+        normal[better], gradient[better] = found[1][better], found[2][better]
+        damping = np.where(better, damping * 0.2, damping * 10.0)
+        if still.all():
+            break
+    diagonal = np.einsum("nii->ni", normal)
+    regular = normal + (1e-12 * diagonal + 1e-12)[:, :, None] * np.eye(free)
+    return parameters, np.linalg.inv(regular), still
+
+
+def _normal_equations(
+    parameters: Array,
+    x: Array,
+    samples: Array,
+    full: NDArray[np.bool_],
+    weights: Array,
+    free: int,
+) -> tuple[Array, Array, Array]:
+    model, derivatives = _model(parameters, x)
+    # A full sample says only that the light was at least as bright.
+    weights = weights * ~(full & (model > samples))
+    residuals = weights * (samples - model)
+    jacobian = weights[..., None] * derivatives[..., :free]
+    transposed = np.swapaxes(jacobian, 1, 2)
+    return residuals, transposed @ jacobian, np.einsum("nkp,nk->np", jacobian, residuals)
+
+
+def _row_noise(
+    samples: Array, full: NDArray[np.bool_], weights: Array, fit: Array, free: int
+) -> Array:
+    """Noise ``(N,)`` from the residuals, shared by neighbouring rows."""
+    x = np.arange(samples.shape[1], dtype=float)
+    model, _ = _model(fit, x)
+    used = weights * ~(full & (model > samples))
+    squares = np.sum(used * (samples - model) ** 2, axis=1)
+    freedom = np.sum(used, axis=1) - free
+    kernel = np.ones(min(31, len(fit)))
+    total = np.convolve(squares, kernel, "same")
+    return np.sqrt(total / np.maximum(np.convolve(freedom, kernel, "same"), 1.0))

@@ -1,0 +1,172 @@
+"""The laser's light in a picture: background removed, channels combined, noise known."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from sheetoflight.errors import InputError
+
+Picture = NDArray[np.float32]
+
+# Response of this mask to white noise of standard deviation 1 is 6; to a plane or a quadric it
+# is 0 (Immerkær, "Fast noise variance estimation", CVIU 64(2), 1996).
+_NOISE_MASK = np.array([[1, -2, 1], [-2, 4, -2], [1, -2, 1]], np.float32) / 6.0
+_MAD_TO_STD = 1.4826
+_NOISE_SAMPLES = 200_000
+_QUANTISATION_STD = 1.0 / np.sqrt(12.0)
+_FLOAT_NOISE_FLOOR = 1e-4
+_BACKGROUND_SHRINK = 8
+
+
+@dataclass(frozen=True)
+class LineLight:
+    """One channel that shows the laser line.
+
+    Parameters
+    ----------
+    picture : (H, W) float32 array
+        Light in grey levels: the difference of on and off, or the picture itself.
+    full : (H, W) bool array
+        Pixels at which the sensor was full: the light there was at least what it shows.
+    noise_std : float
+        Standard deviation of the noise away from the line, grey levels.
+    differenced : bool
+        Whether the background has been taken away by a picture without the laser.
+    """
+
+    picture: Picture
+    full: NDArray[np.bool_]
+    noise_std: float
+    differenced: bool
+
+
+def line_light(image_on: NDArray[Any], image_off: NDArray[Any] | None = None) -> LineLight:
+    """The light of the laser in ``(H, W)`` or ``(H, W, 3)`` pictures, with and without laser.
+
+    A colour picture is reduced to the weighted sum of its channels that follows the colour of
+    its contrast: no weight is negative, so a core that is saturated to white stays a line.
+
+    Raises
+    ------
+    InputError
+        If a picture is no picture, or the two have different shapes or sample types.
+    """
+    on = _checked(image_on, "the picture with the laser on")
+    off = None if image_off is None else _checked(image_off, "the picture with the laser off")
+    if off is not None:
+        _check_pair(on, off)
+    full = _full_pixels(on)
+    channels = on.astype(np.float32)
+    if off is not None:
+        channels = channels - off.astype(np.float32)
+    picture = channels if channels.ndim == 2 else _one_channel(channels, off is not None)
+    return LineLight(
+        picture=np.ascontiguousarray(picture),
+        full=full,
+        noise_std=_noise_std(picture, full, on.dtype, off is not None),
+        differenced=off is not None,
+    )
+
+
+def local_background(picture: Picture) -> Picture:
+    """Median of the surroundings (some 40 px) of every pixel of ``(H, W)``."""
+    height, width = picture.shape
+    small = cv2.resize(
+        picture,
+        (max(1, width // _BACKGROUND_SHRINK), max(1, height // _BACKGROUND_SHRINK)),
+        interpolation=cv2.INTER_AREA,
+    )
+    smooth = cv2.medianBlur(small, 5)
+    return cv2.resize(smooth, (width, height), interpolation=cv2.INTER_LINEAR).astype(np.float32)
+
+
+def _checked(image: NDArray[Any], what: str) -> NDArray[Any]:
+    image = np.asarray(image)
+    if image.ndim == 3 and image.shape[2] == 1:
+        image = image[..., 0]
+    colour = image.ndim == 3 and image.shape[2] == 3
+    if image.size == 0 or not (image.ndim == 2 or colour):
+        raise InputError(
+            f"{what} has shape {image.shape}, expected (H, W) or (H, W, 3)",
+            "give a grey or a colour picture; drop a transparency channel",
+        )
+    if image.dtype.kind not in "uif":
+        raise InputError(
+            f"{what} has samples of type {image.dtype}, expected whole or real numbers",
+            "give uint8, uint16 or float samples",
+        )
+    if image.dtype.kind == "f" and not np.isfinite(image).all():
+        raise InputError(
+            f"{what} holds {int((~np.isfinite(image)).sum())} samples that are not finite",
+            "replace them before looking for the line",
+        )
+    return image
+
+
+def _check_pair(on: NDArray[Any], off: NDArray[Any]) -> None:
+    if on.shape != off.shape:
+        raise InputError(
+            f"the picture with the laser on has shape {on.shape}, the one with it off {off.shape}",
+            "give two pictures of the same size and the same channels",
+        )
+    if on.dtype != off.dtype:
+        raise InputError(
+            f"the picture with the laser on has samples of type {on.dtype}, "
+            f"the one with it off {off.dtype}",
+            "give two pictures of the same type, so that grey levels can be subtracted",
+        )
+
+
+def _full_pixels(on: NDArray[Any]) -> NDArray[np.bool_]:
+    """Pixels at the end of the scale.
+
+    Cameras of 10 or 12 bits fill 16-bit pictures in part, so the end of the scale is the
+    largest value there is, if a flat top shows that it was a stop: noise alone does not bring
+    several neighbours to exactly the same largest value.
+    """
+    top = on.max()
+    at_top = on == top
+    if at_top.ndim == 3:
+        at_top = at_top.any(axis=2)
+    neighbours = at_top[:, 1:] & at_top[:, :-1]
+    is_stop = int(neighbours.sum()) >= 3 and top > on.min()
+    return at_top if is_stop else np.zeros_like(at_top)
+
+
+def _one_channel(channels: NDArray[np.float32], differenced: bool) -> Picture:
+    """Channels ``(H, W, 3)`` summed with weights that follow the colour of the contrast."""
+    contrast = np.empty(3)
+    for index in range(3):
+        channel = np.ascontiguousarray(channels[..., index])
+        excess = channel if differenced else channel - local_background(channel)
+        brightest = max(1, excess.size // 1000)
+        contrast[index] = np.partition(excess.ravel(), -brightest)[-brightest:].mean()
+    contrast = np.maximum(contrast, 0.0)
+    if not contrast.any():
+        contrast[:] = 1.0
+    return (channels @ (contrast / contrast.sum()).astype(np.float32)).astype(np.float32)
+
+
+def _noise_std(
+    picture: Picture, full: NDArray[np.bool_], dtype: np.dtype[Any], differenced: bool
+) -> float:
+    """Robust noise of the picture, never below what rounding to whole grey levels adds."""
+    if dtype.kind == "f":
+        floor = _FLOAT_NOISE_FLOOR * float(picture.max() - picture.min())
+    else:
+        floor = _QUANTISATION_STD * (np.sqrt(2.0) if differenced else 1.0)
+    if min(picture.shape) < 3:
+        return floor
+    response = np.abs(cv2.filter2D(picture, cv2.CV_32F, _NOISE_MASK)[1:-1, 1:-1])
+    # Where the sensor is empty or full there is no noise to see.
+    usable = (picture > picture.min()) & ~full
+    response = response[usable[1:-1, 1:-1]]
+    if response.size == 0:
+        return floor
+    step = max(1, response.size // _NOISE_SAMPLES)
+    return max(floor, _MAD_TO_STD * float(np.median(response[::step])))

@@ -1,0 +1,100 @@
+"""From chains of ridge pixels to rows and columns to fit in, and from fits to unbroken runs."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import median_filter, uniform_filter1d
+
+from sheetoflight.geometry.directions import Array
+from sheetoflight.imaging.stripe.gaussian import Centres, Track, fitted_centres
+from sheetoflight.imaging.stripe.light import LineLight
+from sheetoflight.imaging.stripe.ridges import Ridges
+
+_DIRECTION_PIXELS = 15
+_PLATEAU_ROWS = 41
+
+# A gap of 2 px, seen through defocus and pixels of together 0.76 px, leaves 0.28 of the light in
+# the two rows nearest to its middle; a wider one leaves less.
+_GAP_LIGHT = 0.35
+_GAP_ROWS = 2
+_JUMP_PX = 1.0
+
+
+def centres_along(light: LineLight, ridges: Ridges, chain: NDArray[np.int64]) -> Centres:
+    """Centres for all rows or columns that a chain of ridge pixels crosses, in its order."""
+    parts = [
+        fitted_centres(light, track, ridges.scale)
+        for track in _tracks(ridges.uv[chain], ridges.pixels[chain])
+    ]
+    return joined(parts)
+
+
+def joined(parts: list[Centres]) -> Centres:
+    """Several runs of centres, one after another."""
+    return Centres(
+        uv=np.concatenate([p.uv for p in parts]),
+        std=np.concatenate([p.std for p in parts]),
+        width=np.concatenate([p.width for p in parts]),
+        amplitude=np.concatenate([p.amplitude for p in parts]),
+        amplitude_std=np.concatenate([p.amplitude_std for p in parts]),
+        good=np.concatenate([p.good for p in parts]),
+    )
+
+
+def taken(centres: Centres, index: NDArray[np.int64] | NDArray[np.bool_] | slice) -> Centres:
+    """Some of the centres."""
+    return Centres(
+        uv=centres.uv[index],
+        std=centres.std[index],
+        width=centres.width[index],
+        amplitude=centres.amplitude[index],
+        amplitude_std=centres.amplitude_std[index],
+        good=centres.good[index],
+    )
+
+
+def unbroken(centres: Centres, least_amplitude: float) -> list[Centres]:
+    """Runs of good centres, split where the light goes out or the line jumps aside."""
+    bright = centres.good & (centres.amplitude > least_amplitude)
+    if not bright.any():
+        return []
+    plateau = _plateau(centres.amplitude, bright)
+    lit = bright & (centres.amplitude > _GAP_LIGHT * plateau)
+    index = np.flatnonzero(lit)
+    step = np.diff(index)
+    moved = np.linalg.norm(np.diff(centres.uv[index], axis=0), axis=1)
+    # From one row to the next a line of up to 45° moves by √2 at most.
+    broken = (step > _GAP_ROWS) | (moved > np.sqrt(2.0) * step + _JUMP_PX)
+    runs = np.split(index, np.flatnonzero(broken) + 1)
+    return [taken(centres, run) for run in runs]
+
+
+def _plateau(amplitude: Array, bright: NDArray[np.bool_]) -> Array:
+    """Running median of the amplitude of the bright rows, at every row."""
+    index = np.flatnonzero(bright)
+    smooth = median_filter(amplitude[index], size=min(_PLATEAU_ROWS, len(index)), mode="nearest")
+    return np.interp(np.arange(len(amplitude)), index, smooth)
+
+
+def _tracks(uv: Array, pixels: NDArray[np.int64]) -> list[Track]:
+    """Runs of the chain that advance mainly by rows, and those that advance by columns."""
+    step = np.gradient(uv, axis=0) if len(uv) > 1 else np.array([[0.0, 1.0]])
+    smooth = uniform_filter1d(step, min(_DIRECTION_PIXELS, len(uv)), axis=0, mode="nearest")
+    steep = np.abs(smooth[:, 1]) >= np.abs(smooth[:, 0])
+    switches = np.flatnonzero(np.diff(steep)) + 1
+    tracks = []
+    for run in np.split(np.arange(len(uv)), switches):
+        tracks.append(_track(uv[run], pixels[run], bool(steep[run[0]])))
+    return tracks
+
+
+def _track(uv: Array, pixels: NDArray[np.int64], by_rows: bool) -> Track:
+    axis = 1 if by_rows else 0
+    forward = pixels[-1, axis] >= pixels[0, axis]
+    along, first = np.unique(pixels[:, axis], return_index=True)
+    across = np.interp(along, pixels[first, axis], uv[first, 1 - axis])
+    smooth = uniform_filter1d(across, min(9, len(across)), mode="nearest")
+    slope = np.gradient(smooth) if len(along) > 1 else np.zeros(1)
+    order = slice(None) if forward else slice(None, None, -1)
+    return Track(along[order], across[order], by_rows, np.abs(slope[order]))

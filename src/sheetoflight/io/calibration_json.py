@@ -1,0 +1,340 @@
+"""``calibration.json``: a calibrated sensor, every number in full precision."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+import numpy as np
+from pydantic import BaseModel, ConfigDict, Field
+
+from sheetoflight.errors import InputError
+from sheetoflight.geometry.directions import Array
+from sheetoflight.io.atomic import write_whole
+from sheetoflight.io.documents import json_text, read_json
+from sheetoflight.io.quoting import one_line, shown
+from sheetoflight.io.reading import naming
+from sheetoflight.io.schema import validated
+from sheetoflight.model.calibration import Calibration, Covariance, Residuals, ViewResiduals
+from sheetoflight.model.camera import Camera
+from sheetoflight.model.light_plane import LightPlane
+from sheetoflight.model.target import CollinearTarget, MarkerKind
+
+FORMAT = "sheetoflight.calibration"
+VERSION = 1
+
+UNIT_TOLERANCE = 1e-6
+"""How far a normal's length may lie from 1: more than rounding, less than a typing error."""
+
+COVARIANCE_TOLERANCE = 1e-6
+"""How far, on the scale of correlations, a covariance may lie from symmetric and positive
+semi-definite: an ill-conditioned inverse is no better."""
+
+
+_ROUNDING = 1e-15
+"""How far rounding alone takes a unit vector's length from 1."""
+
+
+class _Part(BaseModel):
+    """Keys that are not known are left to whoever wrote them."""
+
+    model_config = ConfigDict(extra="ignore", strict=True, allow_inf_nan=False, frozen=True)
+
+
+_Three = Annotated[list[float], Field(min_length=3, max_length=3)]
+_Two = Annotated[list[float], Field(min_length=2, max_length=2)]
+_Five = Annotated[list[float], Field(min_length=5, max_length=5)]
+_Name = Annotated[str, Field(min_length=1)]
+
+
+class _Camera(_Part):
+    image_size: Annotated[
+        list[Annotated[int, Field(ge=1, le=1_000_000)]], Field(min_length=2, max_length=2)
+    ]
+    matrix: Annotated[list[_Three], Field(min_length=3, max_length=3)]
+    distortion: _Five
+
+
+class _LightPlane(_Part):
+    name: _Name
+    normal: _Three
+    distance_mm: float
+
+
+class _Target(_Part):
+    kind: Literal["collinear"]
+    markers_mm: list[float]
+    tolerance_mm: float
+    marker: MarkerKind
+    marker_size_mm: float
+
+
+class _Covariance(_Part):
+    parameters: list[_Name]
+    matrix: list[list[float]]
+
+
+class _View(_Part):
+    stage: str
+    view: str
+    uv: list[_Two | None]
+    residuals: list[_Two | None]
+    xyz: list[_Three | None]
+
+
+class _Residuals(_Part):
+    rms_px: Annotated[float, Field(ge=0)]
+    chi2_per_dof: Annotated[float, Field(ge=0)]
+    views: list[_View]
+
+
+class _Document(_Part):
+    method: _Name
+    camera: _Camera
+    light_planes: Annotated[list[_LightPlane], Field(min_length=1)]
+    target: _Target
+    pixel_std: Annotated[float, Field(ge=0)]
+    covariance: _Covariance
+    residuals: _Residuals
+    warnings: list[str]
+    provenance: dict[str, Any]
+
+
+def calibration_text(calibration: Calibration) -> str:
+    """A calibration as JSON text; the same calibration gives the same text.
+
+    Raises
+    ------
+    InputError
+        If a number is not finite, or the provenance holds what JSON cannot say.
+    """
+    camera, target, residuals = calibration.camera, calibration.target, calibration.residuals
+    return json_text(
+        {
+            "format": FORMAT,
+            "version": VERSION,
+            "method": calibration.method,
+            "camera": {
+                "image_size": camera.image_size,
+                "matrix": camera.matrix,
+                "distortion": camera.distortion,
+            },
+            "light_planes": [
+                {"name": plane.name, "normal": plane.normal, "distance_mm": plane.distance_mm}
+                for plane in calibration.light_planes
+            ],
+            "target": {
+                "kind": "collinear",
+                "markers_mm": target.markers_mm,
+                "tolerance_mm": target.tolerance_mm,
+                "marker": target.marker,
+                "marker_size_mm": target.marker_size_mm,
+            },
+            "pixel_std": calibration.pixel_std,
+            "covariance": {
+                "parameters": calibration.covariance.parameters,
+                "matrix": calibration.covariance.matrix,
+            },
+            "residuals": {
+                "rms_px": residuals.rms_px,
+                "chi2_per_dof": residuals.chi2_per_dof,
+                "views": [_view_document(view) for view in residuals.views],
+            },
+            "warnings": calibration.warnings,
+            "provenance": calibration.provenance,
+        }
+    )
+
+
+def write_calibration(path: str | Path, calibration: Calibration) -> None:
+    """Write ``calibration.json``, whole or not at all.
+
+    Raises
+    ------
+    InputError
+        As `calibration_text`.
+    FileError
+        If the file cannot be written.
+    """
+    with naming(path):
+        text = calibration_text(calibration)
+    write_whole(path, text)
+
+
+def read_calibration(path: str | Path) -> Calibration:
+    """A calibration as it was written; keys that are not known are ignored.
+
+    Raises
+    ------
+    InputError
+        If format or version differ, a key is missing or wrong, a normal is not of length one,
+        or the covariance is none; file and key are named.
+    FileError
+        If the file cannot be read, or is not JSON.
+    """
+    document = read_json(path)
+    with naming(path):
+        _check_format(document)
+        return _calibration(validated(_Document, document))
+
+
+def _check_format(document: dict[str, Any]) -> None:
+    found, version = document.get("format"), document.get("version")
+    if found != FORMAT:
+        raise InputError(
+            f"format is {'missing' if found is None else shown(found)}, expected '{FORMAT}'",
+            "give a calibration.json that this package wrote",
+        )
+    if version != VERSION or isinstance(version, bool):
+        raise InputError(
+            f"version is {'missing' if version is None else shown(version)}, expected {VERSION}",
+            "calibrate again with this version, or install the one that wrote the file",
+        )
+
+
+def _calibration(content: _Document) -> Calibration:
+    residuals = content.residuals
+    return Calibration(
+        method=content.method,
+        camera=_camera(content.camera),
+        light_planes=_light_planes(content.light_planes),
+        covariance=_covariance(content.covariance),
+        residuals=Residuals(
+            residuals.rms_px,
+            residuals.chi2_per_dof,
+            tuple(_view(view, f"residuals.views[{i}]") for i, view in enumerate(residuals.views)),
+        ),
+        target=_target(content.target),
+        pixel_std=content.pixel_std,
+        warnings=tuple(content.warnings),
+        provenance=content.provenance,
+    )
+
+
+def _camera(part: _Camera) -> Camera:
+    width, height = part.image_size
+    with naming("camera"):
+        return Camera.from_matrix((width, height), np.array(part.matrix), part.distortion)
+
+
+def _target(part: _Target) -> CollinearTarget:
+    with naming("target"):
+        return CollinearTarget(
+            tuple(part.markers_mm), part.tolerance_mm, part.marker, part.marker_size_mm
+        )
+
+
+def _light_planes(parts: list[_LightPlane]) -> tuple[LightPlane, ...]:
+    names = [part.name for part in parts]
+    if len(set(names)) < len(names):
+        raise InputError(
+            f"light_planes: two planes share a name: {one_line(', '.join(names))}",
+            "give every light plane a name of its own",
+        )
+    return tuple(_light_plane(part, f"light_planes[{i}]") for i, part in enumerate(parts))
+
+
+def _light_plane(part: _LightPlane, key: str) -> LightPlane:
+    length = float(np.linalg.norm(part.normal))
+    if not abs(length - 1.0) <= UNIT_TOLERANCE:
+        raise InputError(
+            f"{key}.normal has length {length:.9g}, expected 1",
+            "divide the normal by its length; distance_mm is measured along it in mm",
+        )
+    with naming(key):
+        plane = LightPlane(np.array(part.normal), part.distance_mm, part.name)
+    if abs(length - 1.0) <= _ROUNDING:
+        _keep_digits(plane, part.normal)
+    return plane
+
+
+def _keep_digits(plane: LightPlane, normal: list[float]) -> None:
+    """Undo the scaling to length one of a normal that had it already but for rounding, so that
+    what was written comes back to the last digit."""
+    exact = np.array(normal)
+    exact.setflags(write=False)
+    object.__setattr__(plane, "normal", exact)
+
+
+def _covariance(part: _Covariance) -> Covariance:
+    names, size = part.parameters, len(part.parameters)
+    if len(set(names)) < size:
+        twice = next(name for name in names if names.count(name) > 1)
+        raise InputError(
+            f"covariance.parameters names {shown(twice)} twice", "name every parameter once"
+        )
+    if len(part.matrix) != size or any(len(row) != size for row in part.matrix):
+        raise InputError(
+            f"covariance.matrix does not have {size} rows of {size} numbers",
+            "give one row and column for each of covariance.parameters",
+        )
+    matrix = np.array(part.matrix, dtype=float).reshape(size, size)
+    _check_covariance(matrix, names)
+    return Covariance(tuple(names), matrix)
+
+
+def _check_covariance(matrix: Array, names: list[str]) -> None:
+    """A covariance is symmetric, and no combination of parameters has a negative variance."""
+    variances = np.diag(matrix)
+    if (variances < 0).any():
+        index = int(np.argmin(variances))
+        raise InputError(
+            f"covariance.matrix[{index}][{index}], the variance of {one_line(names[index])}, "
+            f"is {variances[index]:.6g}",
+            "a variance is 0 or more: the file is damaged, calibrate again",
+        )
+    std = np.sqrt(variances)
+    scale = np.outer(std, std)
+    excess = np.abs(matrix - matrix.T) > COVARIANCE_TOLERANCE * scale
+    if excess.any():
+        row, column = np.argwhere(excess)[0]
+        raise InputError(
+            f"covariance.matrix is not symmetric: [{row}][{column}] is "
+            f"{matrix[row, column]:.9g}, [{column}][{row}] is {matrix[column, row]:.9g}",
+            "the file is damaged: calibrate again",
+        )
+    correlation = np.divide(matrix, scale, out=np.zeros_like(matrix), where=scale > 0)
+    stray = (scale == 0) & (matrix != 0)
+    lowest = np.linalg.eigvalsh(correlation).min(initial=0.0) if not stray.any() else -np.inf
+    if not lowest >= -COVARIANCE_TOLERANCE:
+        raise InputError(
+            "covariance.matrix is not positive semi-definite: some combination of parameters "
+            "has a negative variance",
+            "the file is damaged: calibrate again",
+        )
+
+
+def _view(part: _View, key: str) -> ViewResiduals:
+    count = len(part.uv)
+    if len(part.residuals) != count or len(part.xyz) != count:
+        raise InputError(
+            f"{key} has {count} uv, {len(part.residuals)} residuals and {len(part.xyz)} xyz",
+            "give one entry of each for every marker, null where it was not seen",
+        )
+    return ViewResiduals(
+        part.stage, part.view, _rows(part.uv, 2), _rows(part.residuals, 2), _rows(part.xyz, 3)
+    )
+
+
+def _rows(entries: Sequence[list[float] | None], width: int) -> Array:
+    """Coordinates ``(M, width)``, NaN for null."""
+    rows = [[np.nan] * width if entry is None else entry for entry in entries]
+    return np.array(rows, dtype=float).reshape(len(rows), width)
+
+
+def _view_document(view: ViewResiduals) -> dict[str, Any]:
+    return {
+        "stage": view.stage,
+        "view": view.view,
+        "rms_px": view.rms_px,
+        "uv": _entries(view.uv),
+        "residuals": _entries(view.residuals),
+        "xyz": _entries(view.xyz),
+    }
+
+
+def _entries(coordinates: Array) -> list[list[float] | None]:
+    """A list for each marker, null where a coordinate is NaN."""
+    rows = np.asarray(coordinates, dtype=float)
+    return [None if np.isnan(row).any() else row.tolist() for row in rows]

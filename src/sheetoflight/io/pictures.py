@@ -1,0 +1,289 @@
+"""Pictures read and written, and a folder's pictures listed in pairs of laser off and on."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import tifffile
+from numpy.typing import NDArray
+
+from sheetoflight.errors import FileError, InputError
+from sheetoflight.io.atomic import write_whole
+from sheetoflight.io.picture_checks import Claims, DamagedPictureError, claims, is_tiff, tiff_page
+from sheetoflight.io.quoting import file_name, one_line
+from sheetoflight.io.reading import read_bytes
+
+MAX_PIXELS = 200_000_000
+"""More than any camera of today; what claims more is damaged or meant to do harm."""
+
+# Formats whose header is not read here are held to the same limit by the decoder itself, which
+# asks for it when it is loaded; a limit that the user has set stands.
+os.environ.setdefault("OPENCV_IO_MAX_IMAGE_PIXELS", str(MAX_PIXELS))
+
+import cv2  # noqa: E402 – see above
+from cv2.utils import logging  # noqa: E402
+
+ENDINGS = frozenset(
+    (
+        *(".avif", ".bmp", ".dib", ".jp2", ".jpe", ".jpeg", ".jpg", ".pam", ".pbm", ".pgm"),
+        *(".png", ".pnm", ".ppm", ".ras", ".sr", ".tif", ".tiff", ".webp"),
+    )
+)
+"""Endings of picture files, in lower case."""
+
+_BYTES_PER_PIXEL = 8
+_DECODING = cv2.IMREAD_ANYDEPTH | cv2.IMREAD_ANYCOLOR | cv2.IMREAD_IGNORE_ORIENTATION
+
+Picture = NDArray[np.uint8] | NDArray[np.uint16]
+
+
+@dataclass(frozen=True)
+class PictureFile:
+    """One view's picture, or pair of pictures.
+
+    Parameters
+    ----------
+    name : str
+        File name without ``_off``, ``_on`` and ending.
+    path : Path
+        The picture; of a pair, the one with the laser off.
+    laser_on : Path or None
+        The picture of a pair with the laser on.
+    """
+
+    name: str
+    path: Path
+    laser_on: Path | None = None
+
+
+def read_picture(path: str | Path, max_pixels: int = MAX_PIXELS) -> Picture:
+    """A picture as the sensor saw it: not turned by what the file says of the camera's pose.
+
+    Parameters
+    ----------
+    path : str or Path
+        Any format that OpenCV or tifffile reads, 8 or 16 bit.
+    max_pixels : int
+        Refuse pictures with more pixels than this.
+
+    Returns
+    -------
+    (height, width) or (height, width, 3) array of uint8 or uint16
+        Grey, or colour in the order blue, green, red. Transparency is left out.
+
+    Raises
+    ------
+    FileError
+        If the file is missing, damaged, cut short, no picture, too large, holds several
+        pictures, or samples that are neither 8 nor 16 bit.
+    """
+    name = file_name(path)
+    data = read_bytes(path, max_pixels * _BYTES_PER_PIXEL)
+    if not data:
+        raise FileError(f"{name} is empty", "copy or record the picture again")
+    try:
+        stated = claims(data)
+    except DamagedPictureError as error:
+        raise FileError(
+            f"{name} is damaged: {error}", "copy or record the picture again"
+        ) from error
+    if stated:
+        _check_claims(name, stated, max_pixels)
+    picture = _decoded(data)
+    if picture is None:
+        raise FileError(
+            f"{name} is damaged or in a format that cannot be read",
+            "copy or record it again, or save it as PNG or TIFF",
+        )
+    return _checked(name, picture, stated, max_pixels)
+
+
+def write_picture(path: str | Path, picture: Picture) -> None:
+    """Write a picture as PNG, whole or not at all.
+
+    Parameters
+    ----------
+    path : str or Path
+        Its ending must be ``.png``.
+    picture : (height, width) or (height, width, 3) array of uint8 or uint16
+        Grey, or blue, green, red.
+
+    Raises
+    ------
+    InputError
+        If the array is no such picture, or the ending is another.
+    FileError
+        If the file cannot be written.
+    """
+    if Path(path).suffix.lower() != ".png":
+        raise InputError(f"{file_name(path)} does not end in .png", "pictures are written as PNG")
+    array = np.asarray(picture)
+    if not _is_picture(array):
+        raise InputError(
+            f"a picture for {file_name(path)} has shape {array.shape} and type {array.dtype}",
+            "give (height, width) or (height, width, 3) of uint8 or uint16",
+        )
+    _, encoded = cv2.imencode(".png", array)
+    write_whole(path, encoded.tobytes())
+
+
+def list_pictures(folder: str | Path) -> list[PictureFile]:
+    """The pictures of a folder by name, ``NAME_off.*`` and ``NAME_on.*`` joined to one.
+
+    One of a pair alone is a picture by itself, called NAME too. Hidden files, folders, and
+    files with other endings are left out.
+
+    Raises
+    ------
+    InputError
+        If there is no picture, or two of them have the same name.
+    FileError
+        If the folder is missing or cannot be read.
+    """
+    return picture_files(_picture_paths(Path(folder)))
+
+
+def picture_files(paths: Sequence[Path]) -> list[PictureFile]:
+    """Pictures by name, ``NAME_off.*`` and ``NAME_on.*`` of one folder joined to one.
+
+    Raises
+    ------
+    InputError
+        If two pictures have the same name.
+    """
+    found: dict[tuple[str, str], Path] = {}
+    for path in paths:
+        key = _name_and_light(path)
+        if key in found and found[key] != path:
+            raise InputError(
+                f"{file_name(path.parent)}: {one_line(found[key].name)} and "
+                f"{one_line(path.name)} are pictures of the same name",
+                "remove or rename one of them",
+            )
+        found[key] = path
+    return [_picture_file(name, found) for name in sorted({name for name, _ in found})]
+
+
+def _picture_paths(folder: Path) -> list[Path]:
+    try:
+        paths = sorted(folder.iterdir())
+    except (OSError, ValueError) as error:
+        reason = error.strerror if isinstance(error, OSError) else str(error)
+        raise FileError(
+            f"{file_name(folder)} is no folder that can be read ({reason})", "check its name"
+        ) from error
+    pictures = [
+        path
+        for path in paths
+        if path.suffix.lower() in ENDINGS and not path.name.startswith(".") and path.is_file()
+    ]
+    if not pictures:
+        raise InputError(
+            f"{file_name(folder)} holds no picture",
+            f"put pictures there ({' '.join(sorted(ENDINGS))})",
+        )
+    return pictures
+
+
+def _name_and_light(path: Path) -> tuple[str, str]:
+    """The view's name, and ``off``, ``on`` or nothing."""
+    name, _, light = path.stem.rpartition("_")
+    return (name, light) if name and light in ("off", "on") else (path.stem, "")
+
+
+def _picture_file(name: str, found: dict[tuple[str, str], Path]) -> PictureFile:
+    single, off, on = (found.get((name, light)) for light in ("", "off", "on"))
+    if single and (off or on):
+        other = off or on or single
+        raise InputError(
+            f"{file_name(single.parent)}: {one_line(single.name)} and {one_line(other.name)} are "
+            "pictures of the same name",
+            "remove or rename one of them",
+        )
+    path = single or off or found[name, "on"]
+    return PictureFile(name, path, on if off else None)
+
+
+def _check_claims(name: str, stated: Claims, max_pixels: int) -> None:
+    if stated.width * stated.height > max_pixels:
+        raise FileError(
+            f"{name} has {stated.width} × {stated.height} px, more than {max_pixels} in all",
+            "give a smaller picture",
+        )
+    if stated.pictures > 1:
+        raise FileError(
+            f"{name} holds {stated.pictures} pictures, expected one",
+            "save every picture in a file of its own",
+        )
+
+
+def _decoded(data: bytes) -> NDArray[Any] | None:
+    """A TIFF by tifffile where it can, all else by OpenCV; None where neither can."""
+    picture = _decoded_by_tifffile(data) if is_tiff(data) else None
+    if picture is not None:
+        return picture
+    try:
+        with _silent_decoder():
+            return cv2.imdecode(np.frombuffer(data, np.uint8), _DECODING)
+    except cv2.error:
+        return None
+
+
+def _decoded_by_tifffile(data: bytes) -> NDArray[Any] | None:
+    """Grey and red-green-blue pages; None for other kinds, and for what it cannot unpack."""
+    try:
+        with tiff_page(data) as (page, _):
+            picture, photometric, planar = page.asarray(), page.photometric, page.planarconfig
+    except MemoryError:
+        raise
+    except Exception:  # tifffile lets errors of any type out of a damaged file
+        return None
+    if photometric == tifffile.PHOTOMETRIC.RGB and picture.ndim == 3:
+        colours_last = picture if planar == 1 else np.moveaxis(picture, 0, -1)
+        return np.ascontiguousarray(colours_last[..., 2::-1])
+    if photometric == tifffile.PHOTOMETRIC.MINISWHITE and picture.dtype.kind == "u":
+        return np.iinfo(picture.dtype).max - picture
+    return picture if photometric == tifffile.PHOTOMETRIC.MINISBLACK else None
+
+
+@contextmanager
+def _silent_decoder() -> Iterator[None]:
+    """OpenCV's own words on damaged files kept from standard error: they name no file."""
+    level = logging.getLogLevel()
+    logging.setLogLevel(logging.LOG_LEVEL_SILENT)
+    try:
+        yield
+    finally:
+        logging.setLogLevel(level)
+
+
+def _checked(name: str, picture: NDArray[Any], stated: Claims | None, max_pixels: int) -> Picture:
+    if not _is_picture(picture):
+        raise FileError(
+            f"{name} holds {picture.dtype} samples in shape {picture.shape}, expected 8 or 16 bit "
+            "in grey or colour",
+            "save it as 8- or 16-bit PNG or TIFF",
+        )
+    height, width = picture.shape[:2]
+    if stated and (width, height) != (stated.width, stated.height):
+        raise FileError(
+            f"{name} states {stated.width} × {stated.height} px and holds {width} × {height}",
+            "copy or record the picture again",
+        )
+    if width * height > max_pixels:
+        raise FileError(
+            f"{name} has {width} × {height} px, more than {max_pixels} in all",
+            "give a smaller picture",
+        )
+    return picture
+
+
+def _is_picture(array: NDArray[Any]) -> bool:
+    grey_or_colour = array.ndim == 2 or (array.ndim == 3 and array.shape[2] == 3)
+    return array.dtype in (np.uint8, np.uint16) and grey_or_colour and array.size > 0

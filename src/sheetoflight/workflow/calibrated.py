@@ -1,0 +1,71 @@
+"""A rig folder calibrated."""
+
+from __future__ import annotations
+
+import platform
+from dataclasses import asdict, replace
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+from sheetoflight.calibration.methods import CalibrationOptions, calibrate
+from sheetoflight.io.calibration_json import read_calibration
+from sheetoflight.model.calibration import Calibration
+from sheetoflight.model.rig import Rig
+from sheetoflight.workflow.rig_folder import load_rig
+from sheetoflight.workflow.spread import Progress, no_progress
+
+_LIBRARIES = ("numpy", "scipy", "opencv-python-headless")
+
+
+def load_calibration(path: str | Path) -> Calibration:
+    """Read ``calibration.json``.
+
+    Raises
+    ------
+    FileError, InputError
+        If the file cannot be read or does not hold a calibration.
+    """
+    return read_calibration(path)
+
+
+def calibrate_folder(
+    folder: str | Path,
+    method: str = "joint",
+    options: CalibrationOptions | None = None,
+    progress: Progress = no_progress,
+) -> Calibration:
+    """Load a rig folder and calibrate it, noting in the result what was used.
+
+    Raises
+    ------
+    FileError, InputError
+        As for `load_rig`.
+    UntrustworthyError
+        If no trustworthy number can be had from these views.
+    """
+    return calibrate_rig(load_rig(folder, progress), method, options)
+
+
+def calibrate_rig(
+    rig: Rig, method: str = "joint", options: CalibrationOptions | None = None
+) -> Calibration:
+    """Calibrate a loaded rig, noting in the result what was used."""
+    options = options or CalibrationOptions()
+    calibration = calibrate(rig, method, options)
+    return replace(calibration, provenance=_provenance(rig, method, options))
+
+
+def _provenance(rig: Rig, method: str, options: CalibrationOptions) -> dict[str, Any]:
+    """What anybody needs to get the same numbers again; the same for the same input."""
+    return {
+        "software": f"sheetoflight {version('sheetoflight')}",
+        "python": platform.python_version(),
+        "libraries": {name: version(name) for name in _LIBRARIES},
+        "rig": Path(rig.source).parent.name if rig.source else "",
+        "lens_model": rig.distortion,
+        "skew": rig.skew,
+        "views": {stage: len(views) for stage, views in rig.observations.stages().items()},
+        "stated_pixel_std": rig.pixel_std,
+        "options": asdict(options.paper) if method == "paper" else {},
+    }

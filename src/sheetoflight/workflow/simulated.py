@@ -1,0 +1,135 @@
+"""A rig folder of rendered pictures, with the truth beside it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any
+
+from sheetoflight.errors import InputError
+from sheetoflight.io.documents import write_json
+from sheetoflight.io.folders import made_folder
+from sheetoflight.io.pictures import write_picture
+from sheetoflight.io.rig_toml import write_rig_toml
+from sheetoflight.model.rig import Rig
+from sheetoflight.model.target import CollinearTarget
+from sheetoflight.simulation.render import RenderOptions
+from sheetoflight.simulation.rig import SimulatedRig, paper_rig
+from sheetoflight.simulation.views import (
+    PictureTask,
+    ViewOptions,
+    folder_truth,
+    picture_tasks,
+    render_task,
+)
+from sheetoflight.workflow.spread import Progress, no_progress, spread
+
+TRUTH = "truth.json"
+_MADE_HERE = frozenset(("rig.toml", "points.csv", TRUTH, "camera", "plane", "measure"))
+
+TABLE_2_MM = (150.0, 150.0, 300.0, 300.0, 450.0, 450.0)
+TABLE_4_MM = (20.0, 20.0, 20.0, 40.0, 40.0, 60.0)
+"""The lengths that the paper measures in its Tables 2 and 4."""
+
+
+@dataclass(frozen=True)
+class SimulationOptions:
+    """What is simulated: the paper's rig, seen in so many pictures.
+
+    Parameters
+    ----------
+    camera_views, plane_views : int
+        Pictures of the pivoting target, and of the target in the sheet of light.
+    bars_mm : sequence of float
+        Lengths of the bars to be measured, one pair of pictures each.
+    target : CollinearTarget
+    distortion : (k1, k2, p1, p2, k3)
+    clutter : int
+        Number of things painted on the wall.
+    bits : {8, 16}
+    seed : int
+    """
+
+    camera_views: int = 30
+    plane_views: int = 10
+    bars_mm: Sequence[float] = TABLE_2_MM
+    target: CollinearTarget = field(default_factory=CollinearTarget)
+    distortion: tuple[float, float, float, float, float] = (0.0, 0.0, 0.0, 0.0, 0.0)
+    clutter: int = 12
+    bits: int = 8
+    seed: int = 0
+
+
+def simulate(
+    folder: str | Path,
+    options: SimulationOptions | None = None,
+    progress: Progress = no_progress,
+) -> dict[str, Any]:
+    """Render a rig folder: pictures, ``rig.toml`` and ``truth.json``.
+
+    Returns
+    -------
+    dict
+        The content of ``truth.json``.
+
+    Raises
+    ------
+    InputError
+        If the folder holds something that a simulation did not make, or the views cannot be.
+    FileError
+        If a file cannot be written.
+    """
+    folder, options = Path(folder), options or SimulationOptions()
+    truth_rig = paper_rig(options.distortion, options.target)
+    view_options = ViewOptions(
+        render=replace(RenderOptions(), bits=options.bits), clutter=options.clutter
+    )
+    tasks = picture_tasks(
+        truth_rig,
+        options.camera_views,
+        options.plane_views,
+        options.bars_mm,
+        view_options,
+        options.seed,
+    )
+    _clear(folder)
+    truth = folder_truth(truth_rig, tasks)
+    # first the mark of a simulation, so that a run cut short can be repeated
+    write_json(folder / TRUTH, truth)
+    for stage in dict.fromkeys(task.stage for task in tasks):
+        made_folder(folder / stage)
+    jobs = [(task, folder / task.stage / f"{task.name}.png") for task in tasks]
+    for _ in spread(_rendered, jobs, "render", progress):
+        pass
+    write_rig_toml(folder / "rig.toml", _known(truth_rig, options))
+    return truth
+
+
+def _rendered(job: tuple[PictureTask, Path]) -> None:
+    task, path = job
+    write_picture(path, render_task(task).image)
+
+
+def _known(rig: SimulatedRig, options: SimulationOptions) -> Rig:
+    """What the person who calibrates knows of the rig."""
+    model = "none" if not any(options.distortion) else "radial2"
+    if any(options.distortion[2:]):
+        model = "brown"
+    return Rig(rig.target, rig.camera.image_size, distortion=model)
+
+
+def _clear(folder: Path) -> None:
+    """Make the folder, or empty it of an earlier simulation and of nothing else."""
+    made_folder(folder)
+    present = {path.name for path in folder.iterdir()}
+    if present & _MADE_HERE and TRUTH not in present:
+        raise InputError(
+            f"{folder} holds {', '.join(sorted(present & _MADE_HERE))} that no simulation made "
+            f"(there is no {TRUTH})",
+            "name another folder",
+        )
+    for stage in ("camera", "plane", "measure"):
+        for picture in sorted((folder / stage).glob("*.png")):
+            picture.unlink()
+    (folder / "points.csv").unlink(missing_ok=True)

@@ -1,0 +1,269 @@
+"""``calibration.json``: exact round trips, and files that are no calibration."""
+
+from __future__ import annotations
+
+import copy
+import json
+import math
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from sheetoflight.errors import FileError, InputError
+from sheetoflight.io.calibration_json import (
+    calibration_text,
+    read_calibration,
+    write_calibration,
+)
+from sheetoflight.model.calibration import Calibration, Covariance, Residuals
+from sheetoflight.model.light_plane import LightPlane
+
+Change = Callable[[dict[str, Any]], object]
+DIRECTIONS = st.tuples(*[st.floats(-1, 1)] * 3).filter(lambda n: math.hypot(*n) > 1e-3)
+
+
+def test_the_keys_are_those_of_the_contract(calibration: Calibration):
+    document = json.loads(calibration_text(calibration))
+    assert list(document) == [
+        *("format", "version", "method", "camera", "light_planes", "target", "pixel_std"),
+        *("covariance", "residuals", "warnings", "provenance"),
+    ]
+    assert document["format"] == "sheetoflight.calibration"
+    assert document["version"] == 1
+    assert list(document["camera"]) == ["image_size", "matrix", "distortion"]
+    assert document["camera"]["matrix"] == calibration.camera.matrix.tolist()
+    assert list(document["light_planes"][0]) == ["name", "normal", "distance_mm"]
+    assert list(document["covariance"]) == ["parameters", "matrix"]
+    assert list(document["residuals"]) == ["rms_px", "chi2_per_dof", "views"]
+
+
+def test_every_number_comes_back_exactly(tmp_path: Path, calibration: Calibration):
+    path = tmp_path / "calibration.json"
+    write_calibration(path, calibration)
+    back = read_calibration(path)
+    for name in ("method", "camera", "target", "pixel_std", "warnings", "provenance"):
+        assert getattr(back, name) == getattr(calibration, name)
+    (plane,), (before,) = back.light_planes, calibration.light_planes
+    assert (plane.name, plane.distance_mm) == (before.name, before.distance_mm)
+    np.testing.assert_array_equal(plane.normal, before.normal)
+    assert back.covariance.parameters == calibration.covariance.parameters
+    np.testing.assert_array_equal(back.covariance.matrix, calibration.covariance.matrix)
+    assert back.residuals.rms_px == calibration.residuals.rms_px
+    assert back.residuals.chi2_per_dof == calibration.residuals.chi2_per_dof
+    for view, was in zip(back.residuals.views, calibration.residuals.views, strict=True):
+        assert (view.stage, view.view) == (was.stage, was.view)
+        for name in ("uv", "residuals", "xyz"):
+            np.testing.assert_array_equal(getattr(view, name), getattr(was, name))
+
+
+def test_what_is_read_is_written_with_the_same_bytes(tmp_path: Path, calibration: Calibration):
+    write_calibration(tmp_path / "first.json", calibration)
+    write_calibration(tmp_path / "second.json", read_calibration(tmp_path / "first.json"))
+    assert (tmp_path / "first.json").read_bytes() == (tmp_path / "second.json").read_bytes()
+
+
+@settings(max_examples=60)
+@given(DIRECTIONS, st.floats(1e-3, 1e6))
+def test_every_light_plane_comes_back_to_the_last_digit(
+    tmp_path_factory: pytest.TempPathFactory,
+    calibration: Calibration,
+    normal: tuple[float, float, float],
+    distance: float,
+):
+    path = tmp_path_factory.getbasetemp() / "plane.json"
+    plane = LightPlane(np.array(normal), distance)
+    write_calibration(path, replace(calibration, light_planes=(plane,)))
+    back = read_calibration(path).light_plane
+    np.testing.assert_array_equal(back.normal, plane.normal)
+    assert back.distance_mm == distance
+    with pytest.raises(ValueError, match="read-only"):
+        back.normal[0] = 0
+
+
+def test_a_marker_that_was_not_seen_is_null(calibration: Calibration):
+    document = json.loads(calibration_text(calibration))
+    seen, unseen = document["residuals"]["views"]
+    assert None not in seen["uv"]
+    assert [entry is None for entry in unseen["uv"]] == [False, True, False]
+    assert [entry is None for entry in unseen["residuals"]] == [False, True, False]
+    assert unseen["rms_px"] == calibration.residuals.views[1].rms_px
+
+
+def test_a_calibration_without_covariance_and_views_comes_back(
+    tmp_path: Path, calibration: Calibration
+):
+    bare = replace(
+        calibration,
+        covariance=Covariance((), np.empty((0, 0))),
+        residuals=Residuals(0.1, 1.0),
+        provenance={},
+    )
+    write_calibration(tmp_path / "bare.json", bare)
+    back = read_calibration(tmp_path / "bare.json")
+    assert back.covariance.matrix.shape == (0, 0)
+    assert back.residuals == bare.residuals
+
+
+def test_keys_that_others_add_are_ignored(tmp_path: Path, calibration: Calibration):
+    document = json.loads(calibration_text(calibration))
+    document["notes"] = {"by": "us"}
+    document["camera"]["serial"] = 17
+    (tmp_path / "more.json").write_text(json.dumps(document))
+    assert calibration_text(read_calibration(tmp_path / "more.json")) == calibration_text(
+        calibration
+    )
+
+
+def test_a_normal_with_few_digits_is_scaled_to_length_one(tmp_path: Path, calibration: Calibration):
+    document = json.loads(calibration_text(calibration))
+    document["light_planes"][0]["normal"] = [0.6000003, 0.8, 0.0]
+    (tmp_path / "short.json").write_text(json.dumps(document))
+    normal = read_calibration(tmp_path / "short.json").light_plane.normal
+    assert np.linalg.norm(normal) == pytest.approx(1.0, abs=1e-15)
+
+
+def test_numbers_that_are_none_are_not_written(tmp_path: Path, calibration: Calibration):
+    broken = replace(calibration, pixel_std=math.nan)
+    with pytest.raises(InputError, match=r"c.json: pixel_std is nan, which JSON cannot say"):
+        write_calibration(tmp_path / "c.json", broken)
+    with pytest.raises(InputError, match=r"provenance.when is of type object"):
+        calibration_text(replace(calibration, provenance={"when": object()}))
+    assert list(tmp_path.iterdir()) == []
+
+
+def _set(*keys: str | int, to: object) -> Change:
+    def change(document: dict[str, Any]) -> None:
+        place: Any = document
+        for key in keys[:-1]:
+            place = place[key]
+        place[keys[-1]] = to
+
+    return change
+
+
+def _drop(*keys: str | int) -> Change:
+    def change(document: dict[str, Any]) -> None:
+        place: Any = document
+        for key in keys[:-1]:
+            place = place[key]
+        del place[keys[-1]]
+
+    return change
+
+
+def _indefinite(document: dict[str, Any]) -> None:
+    matrix = np.array(document["covariance"]["matrix"])
+    matrix[0, 1] = matrix[1, 0] = 1.01 * math.sqrt(matrix[0, 0] * matrix[1, 1])
+    document["covariance"]["matrix"] = matrix.tolist()
+
+
+def _certain_but_correlated(document: dict[str, Any]) -> None:
+    document["covariance"] = {"parameters": ["a", "b"], "matrix": [[0, 1e-9], [1e-9, 1]]}
+
+
+def _second_plane(document: dict[str, Any]) -> None:
+    document["light_planes"] *= 2
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (_set("format", to="mrcal"), "format is 'mrcal', expected 'sheetoflight.calibration'"),
+        (_drop("format"), "format is missing, expected"),
+        (_set("version", to=2), "version is 2, expected 1 – calibrate again"),
+        (_set("version", to=True), "version is true, expected 1"),
+        (_drop("version"), "version is missing, expected 1"),
+        (_drop("camera"), "'camera' is missing"),
+        (_drop("camera", "matrix"), "camera: 'matrix' is missing"),
+        (_drop("target"), "'target' is missing"),
+        (_drop("pixel_std"), "'pixel_std' is missing"),
+        (_set("method", to=7), "method is 7, expected text in quotes"),
+        (_set("camera", "matrix", 0, 1, to="x"), r"camera.matrix\[0\]\[1\] is 'x', expected a num"),
+        (_set("camera", "matrix", 0, to=[1, 2]), r"camera.matrix\[0\] is a list of 2, expected 3 "),
+        (_set("camera", "matrix", 1, 0, to=1), "camera: the camera matrix is"),
+        (_set("camera", "matrix", 0, 0, to=-5), "camera: the focal lengths are -5.0 and"),
+        (_set("camera", "matrix", 0, 0, to=10**400), r"camera.matrix\[0\]\[0\] is a number of too"),
+        (
+            _set("camera", "image_size", to=[0, 5]),
+            r"camera.image_size\[0\] is 0, expected a number",
+        ),
+        (
+            _set("camera", "distortion", to=[0.1]),
+            "camera.distortion is a list of 1, expected 5 ent",
+        ),
+        (_set("light_planes", to=[]), "light_planes is a list of 0, expected 1 entries or more"),
+        (
+            _set("light_planes", 0, "normal", to=[0.6, 0.8, 0.1]),
+            r"light_planes\[0\].normal has leng",
+        ),
+        (_set("light_planes", 0, "normal", to=[0, 0, 0]), r"light_planes\[0\].normal has length 0"),
+        (
+            _set("light_planes", 0, "distance_mm", to=-5),
+            r"light_planes\[0\]: light plane 'laser' ha",
+        ),
+        (_second_plane, "light_planes: two planes share a name: laser, laser"),
+        (_set("target", "markers_mm", to=[0, 1]), "target: the target has 2 markers"),
+        (_set("pixel_std", to=-0.1), "pixel_std is -0.1, expected a number of 0 or more"),
+        (
+            _set("covariance", "parameters", 1, to="camera.alpha"),
+            "covariance.parameters names 'cam",
+        ),
+        (_drop("covariance", "matrix", 2), "covariance.matrix does not have 14 rows of 14 numbers"),
+        (
+            _drop("covariance", "matrix", 2, 3),
+            "covariance.matrix does not have 14 rows of 14",
+        ),
+        (
+            _set("covariance", "matrix", 0, 1, to=9e9),
+            r"covariance.matrix is not symmetric: \[0\]\[1",
+        ),
+        (
+            _set("covariance", "matrix", 3, 3, to=-1.0),
+            r"covariance.matrix\[3\]\[3\], the variance o",
+        ),
+        (_indefinite, "covariance.matrix is not positive semi-definite"),
+        (_certain_but_correlated, "covariance.matrix is not positive semi"),
+        (
+            _drop("residuals", "views", 0, "xyz", 0),
+            r"residuals.views\[0\] has 3 uv, 3 residuals and",
+        ),
+        (
+            _set("residuals", "views", 1, "uv", 0, to=[1]),
+            r"residuals.views\[1\].uv\[0\] is a list o",
+        ),
+        (_set("residuals", "rms_px", to=None), "residuals.rms_px is None, expected a number"),
+        (_set("warnings", to="none"), "warnings is 'none', expected a list"),
+        (_set("provenance", to=[]), "provenance is a list of 0, expected a table"),
+    ],
+    ids=lambda value: value[:60].replace("\\", "") if isinstance(value, str) else "",
+)
+def test_what_is_no_calibration_is_named_with_its_key(
+    tmp_path: Path, calibration: Calibration, change: Change, message: str
+):
+    document = copy.deepcopy(json.loads(calibration_text(calibration)))
+    change(document)
+    (tmp_path / "c.json").write_text(json.dumps(document))
+    with pytest.raises(InputError, match=f"c.json: {message}") as caught:
+        read_calibration(tmp_path / "c.json")
+    assert "\n" not in str(caught.value)
+
+
+def test_a_number_too_large_for_a_float_is_named(tmp_path: Path, calibration: Calibration):
+    text = calibration_text(calibration).replace('"distance_mm": 562.334', '"distance_mm": 1e999')
+    (tmp_path / "c.json").write_text(text)
+    with pytest.raises(InputError, match=r"light_planes\[0\].distance_mm is inf, expected a fin"):
+        read_calibration(tmp_path / "c.json")
+
+
+def test_a_file_cut_short_is_no_calibration(tmp_path: Path, calibration: Calibration):
+    text = calibration_text(calibration)
+    for length in range(0, len(text) - 2, 97):
+        (tmp_path / "c.json").write_text(text[:length])
+        with pytest.raises(FileError, match=r"c.json (is empty|line \d+ column \d+ is not JSON)"):
+            read_calibration(tmp_path / "c.json")
