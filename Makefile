@@ -23,7 +23,7 @@ export OPENBLAS_NUM_THREADS ?= 1
 
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
-.PHONY: help demo test lint types contracts format accuracy bench lock clean
+.PHONY: help demo test accuracy lint format bench lock clean
 
 help:  ## List the targets
 	@awk -F ':.*## ' '/^[a-z]+:.*## / { printf "  make %-10s %s\n", $$1, $$2 }' Makefile
@@ -50,7 +50,9 @@ format: $(VENV)/dev.stamp  ## Put the code into the house's format
 	$(BIN)/ruff format
 
 bench: $(VENV)/dev.stamp  ## Speed and accuracy against peers and bounds
-	@set -e; for script in bench/*.py; do echo "== $$script"; $(BIN)/python $$script; done
+	@set -e; for name in $(filter-out _%,$(basename $(notdir $(wildcard bench/*.py)))); do \
+		echo "== python -m bench.$$name"; $(BIN)/python -m bench.$$name; \
+	done
 
 lock: $(VENV)/dev.stamp  ## Renew requirements/ (needs a package index)
 	$(LOCK) --upgrade --group dev --output-file requirements/dev.txt
@@ -60,7 +62,7 @@ lock: $(VENV)/dev.stamp  ## Renew requirements/ (needs a package index)
 clean:  ## Remove environments, caches and the demo's output
 	rm -rf .venv .venv-* build dist demo .pytest_cache .hypothesis .ruff_cache \
 		.import_linter_cache .benchmarks
-	find src tests -name __pycache__ -type d -prune -exec rm -rf {} +
+	find src tests bench -name __pycache__ -type d -prune -exec rm -rf {} +
 
 $(VENV)/made.stamp:
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' || { \

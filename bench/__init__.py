@@ -1,0 +1,1 @@
+"""Speed and accuracy against bounds and peers; each script prints a table."""

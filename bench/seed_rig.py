@@ -56,9 +56,7 @@ def length_errors(case: Case, method: str, trials: int, seed: int = SEED) -> np.
     for trial in range(trials):
         rng = np.random.default_rng([seed, trial])
         observations = observed_rig(truth, 30, case.positions, case.pixel_std, rng)
-        rig = Rig(
-            truth.target, truth.camera.image_size, case.distortion, observations=observations
-        )
+        rig = Rig(truth.target, truth.camera.image_size, case.distortion, observations=observations)
         calibration = sol.calibrate(rig, method=method)
         for row, length_mm in enumerate(LENGTHS_MM):
             ends = segments_in_sheet(truth, length_mm, SEGMENTS, rng)

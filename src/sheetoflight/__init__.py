@@ -5,8 +5,8 @@ The public names load on first use, so that importing the package stays cheap.
 Examples
 --------
 >>> import sheetoflight as sol
->>> rig = sol.load_rig("rig/")                       # doctest: +SKIP
->>> calibration = sol.calibrate(rig)                 # doctest: +SKIP
+>>> rig = sol.load_rig("rig/")  # doctest: +SKIP
+>>> calibration = sol.calibrate(rig)  # doctest: +SKIP
 >>> calibration.length((700, 400), (720, 640)).value  # doctest: +SKIP
 """
 

@@ -59,7 +59,7 @@ def test_order_is_asked_of_the_markers_that_were_seen():
     nan = (np.nan, np.nan)
     in_order = views([(0, 0), nan, (200, 0), (300, 0)])
     check_target_views(in_order, "camera", SIZE)
-    with pytest.raises(InputError, match="view0: marker 3 lies 100.0 px before marker 2"):
+    with pytest.raises(InputError, match=r"view0: marker 3 lies 100.0 px before marker 2"):
         check_target_views(views([(0, 0), nan, (300, 0), (200, 0)]), "camera", SIZE)
     check_target_views(views([(300, 0), nan, nan, (0, 0)]), "camera", SIZE)
 

@@ -22,7 +22,7 @@ def wall_line(rig, wall: Surface, count: int) -> np.ndarray:
     """Points (count, 3) along the line in which the sheet meets the wall."""
     normal, distance = wall.plane
     sheet = rig.light_plane
-    along = normalised(np.cross(normal, sheet.normal))
+    along = normalised(np.cross(normal, sheet.normal).astype(float))
     along *= np.sign(along[1])
     middle = np.linalg.solve(
         np.stack([normal, sheet.normal, along]), [distance, sheet.distance_mm, 0.0]
@@ -48,7 +48,7 @@ def held_bar(rig) -> Surface:
     middle[0] = (
         rig.light_plane.distance_mm - middle[1:] @ rig.light_plane.normal[1:]
     ) / rig.light_plane.normal[0]
-    along = normalised(np.cross(rig.light_plane.normal, [1.0, 0.0, 0.6]))
+    along = normalised(np.cross(rig.light_plane.normal, np.array([1.0, 0.0, 0.6])))
     ends = np.stack([middle - 80.0 * along, middle + 80.0 * along])
     return bar_surface(ends, facing_direction(rig, middle, laser=True))
 

@@ -108,7 +108,7 @@ def test_quarters_balance_about_the_marker_centre(along):
     lever, the four corners at the rim err by a quarter of their cell at `radius`."""
     c = chart()
     centre, radius = np.array([0.4, 0.3]), 6.0
-    share = Quadrants(*centre, radius, 0.1, along).coverage(c)
+    share = Quadrants(float(centre[0]), float(centre[1]), radius, 0.1, along).coverage(c)
     centroid = np.array([(share * c.a).sum(), (share * c.b).sum()]) / share.sum()
     bound = corner_bound(4, radius, math.pi * radius) * radius / (math.pi * radius**2 / 2)
     np.testing.assert_allclose(centroid, centre, atol=bound)

@@ -22,7 +22,6 @@ from sheetoflight.calibration.stages import (
     with_plane,
 )
 from sheetoflight.errors import InputError, UntrustworthyError
-from sheetoflight.estimation.block_least_squares import scaled_inverse
 from sheetoflight.geometry.directions import Array
 from sheetoflight.geometry.planes import fitted_plane
 from sheetoflight.model.calibration import Calibration, Covariance, Residuals, ViewResiduals
@@ -117,9 +116,7 @@ def _paper(rig: Rig, noise: NoiseModel, options: CalibrationOptions) -> _Outcome
     covariance = _chained(_camera_covariance(camera, names), own, by_camera)
     warnings = _few_inliers(plane, options.paper)
     # the in-plane residuals hold this plane's own error, which is not noise
-    return _Outcome(
-        fit.state, (*names, *PLANE), covariance, (camera, fit), (camera,), warnings
-    )
+    return _Outcome(fit.state, (*names, *PLANE), covariance, (camera, fit), (camera,), warnings)
 
 
 METHODS: Mapping[str, Callable[[Rig, NoiseModel, CalibrationOptions], _Outcome]] = {

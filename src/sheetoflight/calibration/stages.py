@@ -280,6 +280,4 @@ def _lying_poses(
 
 def stage_points(state: RigState, adjustment: Adjustment) -> dict[str, Array]:
     """Estimated markers of every view, ``(N, M, 3)`` by stage, mm."""
-    return {
-        stage: marker_points(state, stage, adjustment.positions) for stage in adjustment.stages
-    }
+    return {stage: marker_points(state, stage, adjustment.positions) for stage in adjustment.stages}

@@ -9,7 +9,15 @@ from cyclopts import Parameter
 
 from sheetoflight.calibration.methods import CalibrationOptions
 from sheetoflight.calibration.paper_plane import PaperOptions
-from sheetoflight.cli.telling import AsJson, plain_table, progress_bar, tell, tell_json, tell_table, warn
+from sheetoflight.cli.telling import (
+    AsJson,
+    on_all_cores,
+    plain_table,
+    tell,
+    tell_json,
+    tell_table,
+    warn,
+)
 from sheetoflight.estimation.genetic import GeneticOptions
 from sheetoflight.model.calibration import Calibration
 from sheetoflight.workflow.calibrated import calibrate_folder
@@ -32,10 +40,6 @@ def calibrate(
 ) -> None:
     """Calibrate camera and sheet of light from a rig folder.
 
-    Reads rig.toml, and points.csv or else the pictures in camera/ and plane/.
-
-    Example: sol calibrate rig/ -o calibration.json
-
     Parameters
     ----------
     folder
@@ -57,12 +61,10 @@ def calibrate(
         Greatest distance of an inlier from the plane in mm (method paper).
     """
     options = CalibrationOptions(
-        PaperOptions(
-            threshold_mm=threshold, genetic=GeneticOptions(population, generations, seed)
-        )
+        PaperOptions(threshold_mm=threshold, genetic=GeneticOptions(population, generations, seed))
     )
-    with progress_bar() as progress:
-        calibration = calibrate_folder(folder, method, options, progress)
+    with on_all_cores() as run:
+        calibration = calibrate_folder(folder, method, options, run)
     calibration.save(output)
     for warning in calibration.warnings:
         warn(warning)

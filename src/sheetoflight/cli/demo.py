@@ -9,7 +9,7 @@ import numpy as np
 from cyclopts import Parameter
 
 from sheetoflight.calibration.methods import METHODS
-from sheetoflight.cli.telling import plain_table, progress_bar, tell, tell_table, warn
+from sheetoflight.cli.telling import on_all_cores, plain_table, tell, tell_table, warn
 from sheetoflight.workflow.demonstration import (
     PAPER_TABLES,
     Demonstration,
@@ -29,11 +29,6 @@ def demo(
 ) -> None:
     """The main job on the paper's rig, rendered: pictures to lengths, and a report.
 
-    Renders the pictures, detects the target, calibrates by every method, measures the lengths
-    of the paper's Tables 2 and 4, and writes report.html.
-
-    Example: sol demo demo/
-
     Parameters
     ----------
     folder
@@ -43,8 +38,8 @@ def demo(
     method
         The methods to compare; the report is on the first.
     """
-    with progress_bar() as progress:
-        found = demonstrate(folder, method, seed, progress)
+    with on_all_cores() as run:
+        found = demonstrate(folder, method, seed, run)
     error = found.detection_error_px
     tell(
         f"markers: {found.pictures - found.missed} of {found.pictures} targets found, error "

@@ -4,15 +4,13 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from sheetoflight.cli.telling import AsJson, progress_bar, tell, tell_json, warn
+from sheetoflight.cli.telling import AsJson, on_all_cores, tell, tell_json, warn
 from sheetoflight.workflow.rig_folder import POINTS
 from sheetoflight.workflow.rig_folder import detect as detect_folder
 
 
 def detect(folder: Path, /, *, json: AsJson = False) -> None:
     """Find the target in a rig folder's pictures and write points.csv there.
-
-    Example: sol detect rig/
 
     Parameters
     ----------
@@ -21,8 +19,8 @@ def detect(folder: Path, /, *, json: AsJson = False) -> None:
     json
         Print the result as JSON.
     """
-    with progress_bar() as progress:
-        detection = detect_folder(folder, progress)
+    with on_all_cores() as run:
+        detection = detect_folder(folder, run)
     counts = {stage: len(views) for stage, views in detection.rig.observations.stages().items()}
     if json:
         missed = [

@@ -5,7 +5,7 @@ from __future__ import annotations
 import sys
 from collections.abc import Sequence
 
-from cyclopts import App, CycloptsError
+from cyclopts import App, CycloptsError, Parameter
 
 from sheetoflight import __version__
 from sheetoflight.errors import SheetOfLightError
@@ -15,14 +15,41 @@ _BAD_USAGE = 2
 _BROKEN_PIPE = 141
 
 COMMANDS = {
-    "demo": "The main job on the paper's rig, rendered: pictures to lengths, and a report",
-    "target": "Draw a target to print, true to scale",
-    "simulate": "Render a rig folder with pictures, and the truth beside it",
-    "detect": "Find the target in a rig folder's pictures: writes points.csv",
-    "calibrate": "Calibrate camera and sheet of light from a rig folder",
-    "measure": "Lengths with their 95 % intervals, from segments.csv or from pictures",
-    "report": "One self-contained page on a calibration",
+    "demo": """The main job on the paper's rig, rendered: pictures to lengths, and a report.
+
+Renders the pictures, detects the target, calibrates by every method, measures the lengths of the
+paper's Tables 2 and 4, and writes report.html.
+
+Example: sol demo demo/""",
+    "target": """Draw a target to print, true to scale.
+
+Print it at 100 %, glue it to something stiff and straight, and measure the marker distances.
+
+Example: sol target target.pdf --markers-mm 0 120 240 --page a4""",
+    "simulate": """Render a rig folder with pictures, and the truth beside it.
+
+Example: sol simulate rig/ --seed 1 --distortion -0.1 0.05 0 0 0""",
+    "detect": """Find the target in a rig folder's pictures and write points.csv.
+
+Example: sol detect rig/""",
+    "calibrate": """Calibrate camera and sheet of light from a rig folder.
+
+Reads rig.toml, and points.csv or else the pictures in camera/ and plane/.
+
+Example: sol calibrate rig/ -o calibration.json""",
+    "measure": """Lengths with their 95 % intervals, from segments.csv or from pictures.
+
+Between the image points of a segments.csv, or between the ends of each piece of the laser line in
+pictures.
+
+Example: sol measure calibration.json segments.csv -o lengths.csv
+
+Example: sol measure calibration.json rig/measure -o lengths.csv""",
+    "report": """One self-contained page: the numbers, figures to turn, what was used.
+
+Example: sol report calibration.json rig/measure -o report.html""",
 }
+"""Every command and what its help says; the module of the same name is loaded when it is called."""
 
 app = App(
     name="sol",
@@ -34,9 +61,11 @@ app = App(
     "  sol report calibration.json rig/measure -o report.html",
     help_format="plaintext",
     result_action="return_value",
+    default_parameter=Parameter(negative_iterable=()),
 )
 for _name, _help in COMMANDS.items():
-    app.command(f"sheetoflight.cli.{_name}:{_name}", name=_name, help=_help)
+    _paragraphs = (" ".join(paragraph.split()) for paragraph in _help.split("\n\n"))
+    app.command(f"sheetoflight.cli.{_name}:{_name}", name=_name, help="\n\n".join(_paragraphs))
 
 
 def main(words: Sequence[str] | None = None) -> int:

@@ -7,7 +7,7 @@ from typing import Annotated
 
 from cyclopts import Parameter
 
-from sheetoflight.cli.telling import AsJson, plain_table, progress_bar, tell_json, tell_table, warn
+from sheetoflight.cli.telling import AsJson, on_all_cores, plain_table, tell_json, tell_table, warn
 from sheetoflight.errors import InputError, UntrustworthyError
 from sheetoflight.io.segments_csv import write_lengths
 from sheetoflight.model.calibration import Calibration
@@ -29,13 +29,6 @@ def measure(
     json: AsJson = False,
 ) -> None:
     """Lengths with their 95 % intervals.
-
-    Between the image points of a segments.csv, or between the ends of each piece of the laser
-    line in pictures.
-
-    Example: sol measure calibration.json segments.csv -o lengths.csv
-
-    Example: sol measure calibration.json rig/measure -o lengths.csv
 
     Parameters
     ----------
@@ -66,15 +59,8 @@ def measure(
 
 def _in_pictures(calibration: Calibration, paths: list[Path]) -> list[MeasuredLength]:
     files = pictures_named(paths)
-    with progress_bar() as progress:
-        pictures = measure_pictures(calibration, files, progress)
-    for picture in pictures:
-        if not picture.lengths:
-            seen = f"{len(picture.pieces)} pieces of the line, all of which leave the picture"
-            warn(
-                f"{picture.file.name}: {seen if picture.pieces else 'no laser line'}; "
-                "nothing measured"
-            )
+    with on_all_cores() as run:
+        pictures = measure_pictures(calibration, files, run)
     found = [measured for picture in pictures for measured in picture.lengths]
     if not found:
         raise UntrustworthyError(
@@ -82,6 +68,13 @@ def _in_pictures(calibration: Calibration, paths: list[Path]) -> list[MeasuredLe
             f"no piece of the laser line with both its ends in {len(files)} pictures",
             "take pictures in which both ends of the lit object are seen, with the laser on",
         )
+    for picture in pictures:
+        if not picture.lengths:
+            seen = f"{len(picture.pieces)} pieces of the line, all of which leave the picture"
+            warn(
+                f"{picture.file.name}: {seen if picture.pieces else 'no laser line'}; "
+                "nothing measured"
+            )
     return found
 
 

@@ -7,7 +7,7 @@ from typing import Annotated
 
 from cyclopts import Parameter
 
-from sheetoflight.cli.telling import progress_bar, tell
+from sheetoflight.cli.telling import on_all_cores, tell
 from sheetoflight.workflow.calibrated import load_calibration
 from sheetoflight.workflow.measured import measure_pictures, pictures_named
 from sheetoflight.workflow.reported import write_report
@@ -22,8 +22,6 @@ def report(
 ) -> None:
     """One self-contained page: the numbers, figures to turn with the mouse, what was used.
 
-    Example: sol report calibration.json rig/measure -o report.html
-
     Parameters
     ----------
     calibration
@@ -34,7 +32,7 @@ def report(
         Where to write the page.
     """
     known = load_calibration(calibration)
-    with progress_bar() as progress:
-        measured = measure_pictures(known, pictures_named(pictures or []), progress)
+    with on_all_cores() as run:
+        measured = measure_pictures(known, pictures_named(pictures or []), run)
     write_report(output, known, measured)
     tell(f"written to {output}")

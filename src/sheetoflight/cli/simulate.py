@@ -7,7 +7,7 @@ from typing import Annotated, Literal
 
 from cyclopts import Parameter
 
-from sheetoflight.cli.telling import progress_bar, tell
+from sheetoflight.cli.telling import on_all_cores, tell
 from sheetoflight.model.target import CollinearTarget
 from sheetoflight.workflow.simulated import SimulationOptions
 from sheetoflight.workflow.simulated import simulate as simulate_folder
@@ -22,9 +22,9 @@ def simulate(
     seed: int = _DEFAULT.seed,
     camera_views: int = _DEFAULT.camera_views,
     plane_views: int = _DEFAULT.plane_views,
-    bars_mm: Annotated[
-        tuple[float, ...], Parameter(consume_multiple=True)
-    ] = tuple(_DEFAULT.bars_mm),
+    bars_mm: Annotated[tuple[float, ...], Parameter(consume_multiple=True)] = tuple(
+        _DEFAULT.bars_mm
+    ),
     markers_mm: Annotated[
         tuple[float, ...], Parameter(consume_multiple=True)
     ] = _DEFAULT.target.markers_mm,
@@ -35,8 +35,6 @@ def simulate(
     bits: Literal[8, 16] = 8,
 ) -> None:
     """Render a rig folder with pictures of the paper's rig, and truth.json beside it.
-
-    Example: sol simulate rig/ --seed 1 --distortion -0.1 0.05 0 0 0
 
     Parameters
     ----------
@@ -73,6 +71,6 @@ def simulate(
         bits=bits,
         seed=seed,
     )
-    with progress_bar() as progress:
-        simulate_folder(folder, options, progress)
+    with on_all_cores() as run:
+        simulate_folder(folder, options, run)
     tell(f"written to {folder}")

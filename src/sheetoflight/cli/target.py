@@ -27,10 +27,6 @@ def target(
 ) -> None:
     """Draw a target to print, true to scale, as SVG or PDF.
 
-    Print at 100 %, glue it to something stiff and straight, and measure the marker distances.
-
-    Example: sol target target.pdf --markers-mm 0 120 240 --page a4
-
     Parameters
     ----------
     output

@@ -13,7 +13,7 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 from rich.table import Table
 
-from sheetoflight.workflow.spread import Progress as Tell
+from sheetoflight.workflow.spread import Execution, cores
 
 AsJson = Annotated[bool, Parameter(name="--json", negative=())]
 """The flag of commands whose result programs read."""
@@ -22,10 +22,10 @@ _PLAIN_WIDTH = 100
 
 
 @contextmanager
-def progress_bar() -> Iterator[Tell]:
-    """A progress bar on standard error; nothing where that is no terminal."""
+def on_all_cores() -> Iterator[Execution]:
+    """All cores, and a progress bar on standard error where that is a terminal."""
     if not sys.stderr.isatty():
-        yield lambda *_: None
+        yield Execution(processes=cores())
         return
     bar = Progress(
         TextColumn("{task.description:<16}"),
@@ -37,13 +37,13 @@ def progress_bar() -> Iterator[Tell]:
     )
     tasks: dict[str, Any] = {}
 
-    def tell(what: str, done: int, total: int) -> None:
+    def show(what: str, done: int, total: int) -> None:
         if what not in tasks:
             tasks[what] = bar.add_task(what, total=total)
         bar.update(tasks[what], completed=done)
 
     with bar:
-        yield tell
+        yield Execution(show, cores())
 
 
 def tell_json(document: Mapping[str, Any]) -> None:

@@ -22,6 +22,9 @@ _TIFF = (b"II*\0", b"MM\0*", b"II+\0", b"MM\0+")
 _JPEG_SIZES = {*range(0xC0, 0xD0)} - {0xC4, 0xC8, 0xCC}
 _JPEG_SCAN, _JPEG_END = 0xDA, b"\xff\xd9"
 
+_MOST_BYTES_PER_PIXEL = 32
+"""Four channels of eight bytes: the most that any picture has."""
+
 
 class DamagedPictureError(Exception):
     """The file contradicts itself; the message says how."""
@@ -144,10 +147,11 @@ def _tiff(data: bytes) -> Claims:
             extents = zip(page.dataoffsets, page.databytecounts, strict=True)
             whole = all(0 < length <= len(data) - offset for offset, length in extents)
             found = Claims(int(page.imagewidth), int(page.imagelength), count)
-    except MemoryError:
-        raise
-    except Exception as error:  # tifffile lets errors of any type out of a damaged file
+            sane = page.nbytes <= _MOST_BYTES_PER_PIXEL * found.width * found.height
+    except Exception as error:  # of a damaged file tifffile lets out errors of any type
         raise DamagedPictureError("its directory makes no sense") from error
     if not whole:
         raise DamagedPictureError("it is cut short")
+    if not sane:
+        raise DamagedPictureError("it claims more samples in a pixel than a picture has")
     return found

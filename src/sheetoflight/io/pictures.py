@@ -27,7 +27,6 @@ MAX_PIXELS = 200_000_000
 os.environ.setdefault("OPENCV_IO_MAX_IMAGE_PIXELS", str(MAX_PIXELS))
 
 import cv2  # noqa: E402 – see above
-from cv2.utils import logging  # noqa: E402
 
 ENDINGS = frozenset(
     (
@@ -38,6 +37,8 @@ ENDINGS = frozenset(
 """Endings of picture files, in lower case."""
 
 _BYTES_PER_PIXEL = 8
+_DECODER_LOG: Any = getattr(cv2.utils, "logging", cv2)  # OpenCV 5 and 4 keep it in two places
+_SILENT = 0
 _DECODING = cv2.IMREAD_ANYDEPTH | cv2.IMREAD_ANYCOLOR | cv2.IMREAD_IGNORE_ORIENTATION
 
 Picture = NDArray[np.uint8] | NDArray[np.uint16]
@@ -240,9 +241,7 @@ def _decoded_by_tifffile(data: bytes) -> NDArray[Any] | None:
     try:
         with tiff_page(data) as (page, _):
             picture, photometric, planar = page.asarray(), page.photometric, page.planarconfig
-    except MemoryError:
-        raise
-    except Exception:  # tifffile lets errors of any type out of a damaged file
+    except Exception:  # of a damaged file tifffile lets out errors of any type
         return None
     if photometric == tifffile.PHOTOMETRIC.RGB and picture.ndim == 3:
         colours_last = picture if planar == 1 else np.moveaxis(picture, 0, -1)
@@ -255,12 +254,12 @@ def _decoded_by_tifffile(data: bytes) -> NDArray[Any] | None:
 @contextmanager
 def _silent_decoder() -> Iterator[None]:
     """OpenCV's own words on damaged files kept from standard error: they name no file."""
-    level = logging.getLogLevel()
-    logging.setLogLevel(logging.LOG_LEVEL_SILENT)
+    level = _DECODER_LOG.getLogLevel()
+    _DECODER_LOG.setLogLevel(_SILENT)
     try:
         yield
     finally:
-        logging.setLogLevel(level)
+        _DECODER_LOG.setLogLevel(level)
 
 
 def _checked(name: str, picture: NDArray[Any], stated: Claims | None, max_pixels: int) -> Picture:

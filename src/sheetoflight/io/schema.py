@@ -27,8 +27,8 @@ _EXPECTED = {
     "literal_error": "one of {expected}",
     "too_short": "{min_length} entries or more",
     "too_long": "{max_length} entries or fewer",
-    "greater_than": "a number above {gt}",
-    "greater_than_equal": "a number of {ge} or more",
+    "greater_than": "a number above {gt:g}",
+    "greater_than_equal": "a number of {ge:g} or more",
     "string_too_short": "text that is not empty",
 }
 

@@ -21,7 +21,6 @@ NORMAL_95 = 1.959963984540054
 """Half width of the 95 % interval of a normal distribution, in standard deviations."""
 
 
-
 @dataclass(frozen=True)
 class Length:
     """A measured length in mm.

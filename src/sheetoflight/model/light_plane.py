@@ -32,9 +32,9 @@ class LightPlane:
 
     Examples
     --------
-    >>> plane = LightPlane((-0.9098, -0.0872, -0.4058), 562.3337)
+    >>> plane = LightPlane((0.9098, 0.0872, 0.4058), 562.3337)
     >>> [round(float(c), 4) for c in plane.paper_form]
-    [1.6179, 0.1551, 0.7216]
+    [-1.6179, -0.1551, -0.7216]
     """
 
     normal: Array
@@ -62,12 +62,8 @@ class LightPlane:
 
     @property
     def paper_form(self) -> Array:
-        """``(a, b, c)`` of the paper's ``aX + bY + cZ + 1000 = 0``, up to a common sign.
-
-        With this package's sign (normal away from the camera) the printed numbers are
-        ``-(a, b, c)``: ``aX + bY + cZ = 1000``.
-        """
-        return self.normal * (1000.0 / self.distance_mm)
+        """``(a, b, c)`` of the paper's ``aX + bY + cZ + 1000 = 0`` (section 4.1.2)."""
+        return self.normal * (-1000.0 / self.distance_mm)
 
     def intersect(self, rays: Array) -> Array:
         """Points ``(..., 3)`` in mm where rays ``(..., 3)`` from the camera meet the sheet.

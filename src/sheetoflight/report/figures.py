@@ -92,7 +92,7 @@ def residual_arrows(calibration: Calibration) -> go.Figure:
     """Residuals as arrows over the picture, enlarged by a round factor that is stated."""
     views = calibration.residuals.views
     width = calibration.camera.image_size[0]
-    factor = _round_factor(_ARROW_SHARE * width, calibration.residuals.rms_px)
+    factor = round_factor(_ARROW_SHARE * width, calibration.residuals.rms_px)
     figure = go.Figure()
     for stage in stages_of(views):
         uv = np.concatenate([view.uv for view in views if view.stage == stage])
@@ -200,7 +200,7 @@ def _reach(residuals: Sequence[Array], pixel_std: float) -> float:
     return 1.1 * max(largest, 3.0 * pixel_std)
 
 
-def _round_factor(length: float, residual: float) -> float:
+def round_factor(length: float, residual: float) -> float:
     """The largest of 1, 2, 5, 10 … that draws the residual no longer than the given length."""
     if residual <= 0:
         return 1.0

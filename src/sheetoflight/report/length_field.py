@@ -61,8 +61,11 @@ def length_field(calibration: Calibration) -> LengthField | None:
     """The uncertainty of 100 mm across the picture; a shorter length where that does not fit.
 
     The longest length of 100, 50, 20 … mm is taken that lies in the picture at half of the
-    places and directions. None where even 0.1 mm does not, or the sheet is not seen.
+    places and directions. None where even 0.1 mm does not, or the sheet is not seen, or the
+    calibration carries no covariance: image noise alone would promise too much.
     """
+    if not calibration.covariance.parameters:
+        return None
     width, height = calibration.camera.image_size
     u = (np.arange(_COLUMNS) + 0.5) * width / _COLUMNS - 0.5
     v = (np.arange(_ROWS) + 0.5) * height / _ROWS - 0.5

@@ -15,7 +15,7 @@ from sheetoflight.model.light_plane import LightPlane
 
 _MOST_DECIMALS = 9
 _USUAL_SPREADS = 4.0
-_NO_UNCERTAINTY = "not given"
+NO_UNCERTAINTY = "not given"
 
 _CAMERA_MEANING = {
     "alpha": ("α", "focal length along u", "px"),
@@ -166,7 +166,7 @@ def _with_std(covariance: Covariance, parameter: str, value: float) -> tuple[str
 
 def _missing(covariance: Covariance) -> str:
     """A parameter without covariance was held fixed – unless the method gives none at all."""
-    return "fixed" if covariance.parameters else _NO_UNCERTAINTY
+    return "fixed" if covariance.parameters else NO_UNCERTAINTY
 
 
 def _angle(

@@ -13,7 +13,7 @@ from sheetoflight.measurement.length import lengths
 from sheetoflight.model.calibration import Calibration
 from sheetoflight.report import space
 from sheetoflight.report.contents import MeasuredPicture
-from sheetoflight.report.numbers import rounded, two_digits
+from sheetoflight.report.numbers import NO_UNCERTAINTY, rounded, two_digits
 from sheetoflight.report.picture_png import embedded
 from sheetoflight.report.plots import Plot, plot
 
@@ -154,6 +154,7 @@ def _piece_rows(calibration: Calibration, picture: MeasuredPicture) -> tuple[Pie
     for (number, piece), found in zip(whole, measured, strict=True):
         value, std = rounded(found.value, found.std)
         low, high = (rounded(bound, found.std)[0] for bound in found.interval)
-        share = two_digits(dict(found.budget)["calibration"])
+        known = calibration.covariance.parameters
+        share = two_digits(dict(found.budget)["calibration"]) if known else NO_UNCERTAINTY
         rows.append(PieceRow(number, len(piece), value, std, share, low, high))
     return tuple(rows)

@@ -129,7 +129,7 @@ def _fixed_page(
     sizes = _LANDSCAPE_MM.items()
     larger = [name for name, (w, h) in sizes if needed[0] <= w and needed[1] <= h]
     longest = width - 2 * MARGIN_MM - 2 * target.marker_size_mm
-    too_long = needed[0] > width and longest > 0
+    too_long = needed[0] > width and needed[1] <= height and longest > 0
     shorter = f", or a target of at most {longest:g} mm" if too_long else ""
     raise InputError(
         f"the target needs a page of {needed[0]:g} × {needed[1]:g} mm, "

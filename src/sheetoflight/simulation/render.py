@@ -216,7 +216,8 @@ class _Painter:
 
     def _ambient(self, samples: Samples) -> Array:
         across, down = self._options.ambient_gradient
-        edge_x, edge_y = self._grid.x[0, -1], self._grid.y[-1, 0]
+        edge = -1 - self._grid.border
+        edge_x, edge_y = self._grid.x[0, edge], self._grid.y[edge, 0]
         tilt = samples.linear(np.array([across / edge_x, down / edge_y, 1.0]))
         return self._options.ambient_level * tilt
 
@@ -248,12 +249,9 @@ class _Layer:
         half = np.array([self.surface.half_length, self.surface.half_width])
         self.seen = bool((low < half).all() and (high > -half).all())
         self.inside = bool((low > -half).all() and (high < half).all())
-        self.paint = tuple(
-            p
-            for p in self.surface.paint
-            if (low < (p.a + p.reach, p.b + p.reach)).all()
-            and (high > (p.a - p.reach, p.b - p.reach)).all()
-        )
+        lowest, highest = self.surface.paint_extents
+        near = ((low < highest) & (high > lowest)).all(axis=1)
+        self.paint = tuple(self.surface.paint[i] for i in np.flatnonzero(near))
 
 
 def _reflectance(chart: Chart, surface: Surface, paint: tuple[Paint, ...]) -> Array | float:

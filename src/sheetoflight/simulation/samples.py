@@ -13,7 +13,8 @@ from sheetoflight.geometry.directions import Array
 from sheetoflight.simulation.paint import Chart
 from sheetoflight.simulation.rays import RayGrid
 
-_MILD = 1.2
+_MILD = 1.05
+"""Ratio of depths within a block up to which its middle stands for all of it."""
 
 
 @dataclass(frozen=True)

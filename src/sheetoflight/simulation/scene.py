@@ -84,6 +84,13 @@ class Surface:
         distance = float(normal @ self.centre)
         return (normal, distance) if distance >= 0 else (-normal, -distance)
 
+    @cached_property
+    def paint_extents(self) -> tuple[Array, Array]:
+        """Lowest and highest corner ``(N, 2)`` of a box around each shape painted on it, mm."""
+        middles = np.array([(p.a, p.b) for p in self.paint]).reshape(-1, 2)
+        reaches = np.array([[p.reach] for p in self.paint]).reshape(-1, 1)
+        return middles - reaches, middles + reaches
+
 
 @dataclass(frozen=True)
 class Scene:

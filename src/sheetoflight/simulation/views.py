@@ -6,18 +6,16 @@ in the folder: they may be rendered in any order, or in several processes, to th
 
 from __future__ import annotations
 
-import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
 
-from sheetoflight.errors import InputError
 from sheetoflight.geometry.directions import Array, normalised
 from sheetoflight.simulation.clutter import clutter
+from sheetoflight.simulation.holding import Holding, held
 from sheetoflight.simulation.poses import (
-    in_picture,
     in_plane_poses,
     pivot_poses,
     segments_in_sheet,
@@ -30,15 +28,13 @@ from sheetoflight.simulation.scene import (
     Surface,
     bar_surface,
     facing_direction,
-    strip_axes,
     target_surface,
     wall_surface,
 )
 
 _STAGES = ("camera", "plane", "measure")
-_CLUTTER_KEY = len(_STAGES)
-_TRIES = 100
-_DRAWN_AT_ONCE = 20
+_CLUTTER = len(_STAGES)
+_POSES, _NOISE = 0, 1
 
 
 @dataclass(frozen=True)
@@ -74,6 +70,15 @@ class ViewOptions:
     wall_gap_mm: float = 100.0
     bar_width_mm: float = 30.0
     clutter: int = 0
+
+    def lit(self, stage: str) -> RenderOptions:
+        """How the pictures of a stage are rendered."""
+        levels = {
+            "camera": self.camera_ambient,
+            "plane": self.plane_ambient,
+            "measure": self.measure_ambient,
+        }
+        return replace(self.render, ambient_level=levels[stage])
 
 
 @dataclass(frozen=True, eq=False)
@@ -183,7 +188,7 @@ def picture_tasks(
         If so many views cannot be held wholly in the picture within the allowed tilt.
     """
     options = options or ViewOptions()
-    wall = _wall(rig, segments, options, _generator(seed, _CLUTTER_KEY))
+    wall = _wall(rig, segments, options, _generator(seed, _CLUTTER))
     studio = _Studio(rig, wall, options, seed)
     return [
         *studio.camera_tasks(camera_views),
@@ -230,127 +235,107 @@ def folder_truth(rig: SimulatedRig, tasks: Sequence[PictureTask]) -> dict[str, A
 
 def blank_scene(rig: SimulatedRig, options: ViewOptions | None = None, seed: int = 0) -> Scene:
     """The wall alone, with its clutter if any: what a detector must find nothing in."""
-    return Scene((_wall(rig, (), options or ViewOptions(), _generator(seed, _CLUTTER_KEY)),))
+    return Scene((_wall(rig, (), options or ViewOptions(), _generator(seed, _CLUTTER)),))
 
 
 class _Studio:
     """Holds targets and bars before the wall and describes the pictures taken of them."""
 
-    def __init__(
-        self, rig: SimulatedRig, wall: Surface, options: ViewOptions, seed: int
-    ) -> None:
+    def __init__(self, rig: SimulatedRig, wall: Surface, options: ViewOptions, seed: int) -> None:
         self._rig, self._wall, self._options, self._seed = rig, wall, options, seed
 
     def camera_tasks(self, count: int) -> list[PictureTask]:
-        def draw(rng: np.random.Generator, n: int) -> Array:
+        """The target pivots about marker 0; no laser."""
+        rng = _generator(self._seed, _STAGES.index("camera"), _POSES)
+
+        def draw(n: int) -> Array:
             return target_points(*pivot_poses(self._rig, n, rng), self._rig.target.positions)
 
-        held = self._held(0, count, draw, laser=False)
-        level = self._options.camera_ambient
         return [
-            self._task(0, i, f"camera{i:02d}", None, self._target(points, False), level, points)
-            for i, points in enumerate(held)
+            self._target_task("camera", i, points, laser=None)
+            for i, points in enumerate(
+                held(self._rig, count, draw, self._target(False), "pivot views")
+            )
         ]
 
     def plane_tasks(self, count: int) -> list[PictureTask]:
-        def draw(rng: np.random.Generator, n: int) -> Array:
+        """The target lies in the sheet; laser off and on."""
+        rng = _generator(self._seed, _STAGES.index("plane"), _POSES)
+
+        def draw(n: int) -> Array:
             return target_points(*in_plane_poses(self._rig, n, rng), self._rig.target.positions)
 
-        held = self._held(1, count, draw, laser=True)
-        level = self._options.plane_ambient
+        poses = held(self._rig, count, draw, self._target(True), "in-plane views")
         return [
-            self._task(1, i, f"plane{i:02d}", laser, self._target(points, True), level, points)
-            for i, points in enumerate(held)
+            self._target_task("plane", i, points, laser)
+            for i, points in enumerate(poses)
             for laser in (False, True)
         ]
 
     def measure_tasks(self, lengths: Sequence[float]) -> list[PictureTask]:
-        tasks: list[PictureTask] = []
-        for i, length in enumerate(lengths):
+        """A bar of each length lies in the sheet; laser off and on."""
+        return [
+            self._bar_task(i, ends, laser)
+            for i, length in enumerate(lengths)
+            for ends in self._bar_ends(i, length)
+            for laser in (False, True)
+        ]
 
-            def draw(rng: np.random.Generator, n: int, length: float = length) -> Array:
-                return segments_in_sheet(self._rig, length, n, rng)
+    def _target(self, laser: bool) -> Holding:
+        return self._holding(self._rig.target.marker_size_mm / 2, laser)
 
-            ends = self._held(2, 1, draw, laser=True, place=(i,))[0]
-            facing = facing_direction(self._rig, ends.mean(axis=0), laser=True)
-            bar = bar_surface(ends, facing, self._options.bar_width_mm)
-            level = self._options.measure_ambient
-            tasks += [
-                self._task(2, i, f"bar{i:02d}", laser, bar, level, ends) for laser in (False, True)
-            ]
-        return tasks
+    def _holding(self, radius_mm: float, laser: bool) -> Holding:
+        return Holding(self._options.max_tilt_deg, self._options.margin_px, radius_mm, laser)
 
-    def _target(self, points: Array, laser: bool) -> Surface:
+    def _bar_ends(self, index: int, length: float) -> list[Array]:
+        rng = _generator(self._seed, _STAGES.index("measure"), _POSES, index)
+
+        def draw(n: int) -> Array:
+            return segments_in_sheet(self._rig, length, n, rng)
+
+        holding = self._holding(self._options.bar_width_mm / 2, laser=True)
+        return held(self._rig, 1, draw, holding, f"bars of {length:g} mm")
+
+    def _target_task(
+        self, stage: str, index: int, points: Array, laser: bool | None
+    ) -> PictureTask:
+        facing = facing_direction(self._rig, (points[0] + points[-1]) / 2, laser is not None)
         direction = normalised(points[-1] - points[0])
-        facing = facing_direction(self._rig, _middle(points), laser)
-        return target_surface(self._rig.target, points[0], direction, facing)
+        strip = target_surface(self._rig.target, points[0], direction, facing)
+        uv = self._rig.camera.project(points)
+        truth = {"markers_uv": uv.tolist(), "markers_xyz": points.tolist()}
+        return self._task(stage, index, f"{stage}{index:02d}", laser, strip, truth)
+
+    def _bar_task(self, index: int, ends: Array, laser: bool) -> PictureTask:
+        facing = facing_direction(self._rig, ends.mean(axis=0), laser=True)
+        bar = bar_surface(ends, facing, self._options.bar_width_mm)
+        truth = {
+            "ends_uv": self._rig.camera.project(ends).tolist(),
+            "ends_xyz": ends.tolist(),
+            "length_mm": float(np.linalg.norm(ends[1] - ends[0])),
+        }
+        return self._task("measure", index, f"bar{index:02d}", laser, bar, truth)
 
     def _task(
         self,
-        stage: int,
+        stage: str,
         index: int,
         view: str,
         laser: bool | None,
         surface: Surface,
-        level: float,
-        points: Array,
+        truth: dict[str, Any],
     ) -> PictureTask:
-        uv = self._rig.camera.project(points)
-        if _STAGES[stage] == "measure":
-            length = float(np.linalg.norm(points[1] - points[0]))
-            truth = {"ends_uv": uv.tolist(), "ends_xyz": points.tolist(), "length_mm": length}
-        else:
-            truth = {"markers_uv": uv.tolist(), "markers_xyz": points.tolist()}
         return PictureTask(
-            stage=_STAGES[stage],
+            stage=stage,
             view=view,
             laser=laser,
             rig=self._rig,
             scene=Scene((surface, self._wall)),
-            options=replace(self._options.render, ambient_level=level),
+            options=self._options.lit(stage),
             seed=self._seed,
-            key=(stage, 1, index, int(bool(laser))),
+            key=(_STAGES.index(stage), _NOISE, index, int(bool(laser))),
             truth=truth,
         )
-
-    def _held(
-        self,
-        stage: int,
-        count: int,
-        draw: Callable[[np.random.Generator, int], Array],
-        laser: bool,
-        place: tuple[int, ...] = (),
-    ) -> list[Array]:
-        """Points ``(M, 3)`` of `count` poses a person would hold, in the order drawn."""
-        rng = _generator(self._seed, stage, 0, *place)
-        held: list[Array] = []
-        for _ in range(_TRIES):
-            if len(held) >= count:
-                return held[:count]
-            held += [p for p in draw(rng, _DRAWN_AT_ONCE) if self._holds(p, laser)]
-        raise InputError(
-            f"only {len(held)} of {count} views of stage {_STAGES[stage]} could be held wholly in "
-            f"the picture, tilted by up to {self._options.max_tilt_deg:g}°",
-            "use a shorter target, a larger distance, a wider lens or a larger max_tilt_deg",
-        )
-
-    def _holds(self, points: Array, laser: bool) -> bool:
-        """Whether the markers are wholly in the picture, and seen and lit squarely enough."""
-        size = max(self._rig.target.marker_size_mm, self._options.bar_width_mm) / 2
-        rim = np.array([[1.0, 0, 0], [-1, 0, 0], [0, 1, 0], [0, -1, 0]]) * size
-        around = points[:, None, :] + rim
-        if not in_picture(self._rig.camera, around, self._options.margin_px).all():
-            return False
-        facing = facing_direction(self._rig, _middle(points), laser)
-        normal = np.cross(*strip_axes(points[-1] - points[0], facing))
-        sources = [np.zeros(3), self._rig.projector_mm] if laser else [np.zeros(3)]
-        cosines = np.array([normalised(source - points) @ normal for source in sources])
-        cosines *= np.sign(cosines.flat[0])
-        return bool(cosines.min() >= math.cos(math.radians(self._options.max_tilt_deg)))
-
-
-def _middle(points: Array) -> Array:
-    return (points[0] + points[-1]) / 2
 
 
 def _wall(

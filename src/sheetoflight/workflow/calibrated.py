@@ -13,7 +13,7 @@ from sheetoflight.io.calibration_json import read_calibration
 from sheetoflight.model.calibration import Calibration
 from sheetoflight.model.rig import Rig
 from sheetoflight.workflow.rig_folder import load_rig
-from sheetoflight.workflow.spread import Progress, no_progress
+from sheetoflight.workflow.spread import ALONE, Execution
 
 _LIBRARIES = ("numpy", "scipy", "opencv-python-headless")
 
@@ -33,7 +33,7 @@ def calibrate_folder(
     folder: str | Path,
     method: str = "joint",
     options: CalibrationOptions | None = None,
-    progress: Progress = no_progress,
+    run: Execution = ALONE,
 ) -> Calibration:
     """Load a rig folder and calibrate it, noting in the result what was used.
 
@@ -44,7 +44,7 @@ def calibrate_folder(
     UntrustworthyError
         If no trustworthy number can be had from these views.
     """
-    return calibrate_rig(load_rig(folder, progress), method, options)
+    return calibrate_rig(load_rig(folder, run), method, options)
 
 
 def calibrate_rig(

@@ -19,7 +19,7 @@ from sheetoflight.workflow.measured import PictureLengths, measure_pictures, pie
 from sheetoflight.workflow.reported import write_report
 from sheetoflight.workflow.rig_folder import detect
 from sheetoflight.workflow.simulated import TABLE_2_MM, TABLE_4_MM, SimulationOptions, simulate
-from sheetoflight.workflow.spread import Progress, no_progress
+from sheetoflight.workflow.spread import ALONE, Execution
 
 PAPER_TABLES = (
     ("Table 2", TABLE_2_MM, (0.02, 0.04, 0.12, 0.14, 0.40, 0.03)),
@@ -87,7 +87,7 @@ def demonstrate(
     folder: str | Path,
     methods: Sequence[str] = tuple(METHODS),
     seed: int = 0,
-    progress: Progress = no_progress,
+    run: Execution = ALONE,
 ) -> Demonstration:
     """Render the paper's rig, detect, calibrate by every method, measure, and write the report.
 
@@ -101,16 +101,16 @@ def demonstrate(
     """
     folder = Path(folder)
     bars = [length for _, lengths, _ in PAPER_TABLES for length in lengths]
-    truth = simulate(folder, SimulationOptions(bars_mm=bars, seed=seed), progress)
-    detection = detect(folder, progress)
+    truth = simulate(folder, SimulationOptions(bars_mm=bars, seed=seed), run)
+    detection = detect(folder, run)
     calibrations: dict[str, Calibration] = {}
     for done, method in enumerate(methods):
-        progress("calibrate", done, len(methods))
+        run.progress("calibrate", done, len(methods))
         calibrations[method] = calibrate_rig(detection.rig, method)
         calibrations[method].save(folder / f"calibration-{method}.json")
-    progress("calibrate", len(methods), len(methods))
+    run.progress("calibrate", len(methods), len(methods))
     best = calibrations[methods[0]]
-    measured = measure_pictures(best, list_pictures(folder / "measure"), progress)
+    measured = measure_pictures(best, list_pictures(folder / "measure"), run)
     demonstration = Demonstration(
         methods=tuple(methods),
         detection_error_px=_detection_errors(detection.rig.observations.stages(), truth),

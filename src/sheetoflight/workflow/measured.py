@@ -16,7 +16,7 @@ from sheetoflight.io.segments_csv import LengthRow, read_segments
 from sheetoflight.measurement.length import Length, lengths
 from sheetoflight.model.calibration import Calibration
 from sheetoflight.model.line_piece import LinePiece
-from sheetoflight.workflow.spread import Progress, no_progress, spread
+from sheetoflight.workflow.spread import ALONE, Execution, spread
 
 
 @dataclass(frozen=True)
@@ -84,7 +84,7 @@ def pictures_named(paths: Sequence[str | Path]) -> list[PictureFile]:
 def measure_pictures(
     calibration: Calibration,
     files: Sequence[PictureFile],
-    progress: Progress = no_progress,
+    run: Execution = ALONE,
 ) -> list[PictureLengths]:
     """Lengths between the ends of each whole piece of the laser line.
 
@@ -97,7 +97,7 @@ def measure_pictures(
         partial(found_pieces, image_size=calibration.camera.image_size),
         files,
         "find the line",
-        progress,
+        run,
     )
     return [
         PictureLengths(file, pieces, piece_lengths(calibration, file.name, pieces))

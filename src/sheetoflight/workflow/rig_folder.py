@@ -17,7 +17,7 @@ from sheetoflight.io.rig_toml import RigFile, read_rig_toml
 from sheetoflight.model.observations import Observations, TargetViews, no_views
 from sheetoflight.model.rig import Rig
 from sheetoflight.model.target import CollinearTarget
-from sheetoflight.workflow.spread import Progress, no_progress, spread
+from sheetoflight.workflow.spread import ALONE, Execution, spread
 
 STAGES = ("camera", "plane")
 POINTS = "points.csv"
@@ -47,7 +47,7 @@ class Detection:
     missed: tuple[Missed, ...]
 
 
-def load_rig(folder: str | Path, progress: Progress = no_progress) -> Rig:
+def load_rig(folder: str | Path, run: Execution = ALONE) -> Rig:
     """Read a rig folder: ``rig.toml``, and ``points.csv`` or else the pictures.
 
     Raises
@@ -60,14 +60,14 @@ def load_rig(folder: str | Path, progress: Progress = no_progress) -> Rig:
     folder = Path(folder)
     described = _described(folder)
     if not (folder / POINTS).exists():
-        return _detected(folder, described, progress).rig
+        return _detected(folder, described, run).rig
     observations = read_points(folder / POINTS, described.target)
     rig = described.rig(observations, picture_size=_first_picture_size(folder, described))
     _check(rig)
     return rig
 
 
-def detect(folder: str | Path, progress: Progress = no_progress) -> Detection:
+def detect(folder: str | Path, run: Execution = ALONE) -> Detection:
     """Find the target in all pictures of a rig folder and write ``points.csv``.
 
     Raises
@@ -78,7 +78,7 @@ def detect(folder: str | Path, progress: Progress = no_progress) -> Detection:
         If no picture of a stage shows the target.
     """
     folder = Path(folder)
-    detection = _detected(folder, _described(folder), progress)
+    detection = _detected(folder, _described(folder), run)
     write_points(folder / POINTS, detection.rig.observations)
     return detection
 
@@ -92,9 +92,7 @@ def _described(folder: Path) -> RigFile:
 
 
 def _stage_folders(folder: Path) -> dict[str, list[PictureFile]]:
-    found = {
-        stage: list_pictures(folder / stage) for stage in STAGES if (folder / stage).is_dir()
-    }
+    found = {stage: list_pictures(folder / stage) for stage in STAGES if (folder / stage).is_dir()}
     if not found:
         raise InputError(
             f"{folder} holds neither {POINTS} nor a folder {' or '.join(STAGES)} with pictures",
@@ -112,12 +110,12 @@ def _first_picture_size(folder: Path, described: RigFile) -> tuple[int, int] | N
     return _size(read_picture(first.path))
 
 
-def _detected(folder: Path, described: RigFile, progress: Progress) -> Detection:
+def _detected(folder: Path, described: RigFile, run: Execution) -> Detection:
     views, missed = {}, []
     size = described.image_size
     for stage, files in _stage_folders(folder).items():
         search = partial(_searched, target=described.target)
-        found = list(spread(search, files, f"detect {stage}", progress))
+        found = list(spread(search, files, f"detect {stage}", run))
         for file, (picture_size, _) in zip(files, found, strict=True):
             size = size or picture_size
             _refuse_other_size(file, stage, picture_size, size)
@@ -135,9 +133,7 @@ def _detected(folder: Path, described: RigFile, progress: Progress) -> Detection
     return Detection(rig, tuple(missed))
 
 
-def _searched(
-    file: PictureFile, target: CollinearTarget
-) -> tuple[tuple[int, int], TargetSearch]:
+def _searched(file: PictureFile, target: CollinearTarget) -> tuple[tuple[int, int], TargetSearch]:
     """Size of the picture without laser, where there is one, and what it shows."""
     picture = read_picture(file.path)
     return _size(picture), find_target(picture, target)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
+from math import isfinite
 from pathlib import Path
 from typing import Any
 
@@ -23,7 +24,7 @@ from sheetoflight.simulation.views import (
     picture_tasks,
     render_task,
 )
-from sheetoflight.workflow.spread import Progress, no_progress, spread
+from sheetoflight.workflow.spread import ALONE, Execution, spread
 
 TRUTH = "truth.json"
 _MADE_HERE = frozenset(("rig.toml", "points.csv", TRUTH, "camera", "plane", "measure"))
@@ -49,6 +50,11 @@ class SimulationOptions:
         Number of things painted on the wall.
     bits : {8, 16}
     seed : int
+
+    Raises
+    ------
+    InputError
+        If a number is negative, or a bar has no length.
     """
 
     camera_views: int = 30
@@ -60,11 +66,20 @@ class SimulationOptions:
     bits: int = 8
     seed: int = 0
 
+    def __post_init__(self) -> None:
+        for name in ("camera_views", "plane_views", "clutter", "seed"):
+            if getattr(self, name) < 0:
+                raise InputError(f"{name} is {getattr(self, name)}", "give 0 or more")
+        if not all(isfinite(length) and length > 0 for length in self.bars_mm):
+            raise InputError(
+                f"the bars' lengths are {list(self.bars_mm)} mm", "give lengths above zero"
+            )
+
 
 def simulate(
     folder: str | Path,
     options: SimulationOptions | None = None,
-    progress: Progress = no_progress,
+    run: Execution = ALONE,
 ) -> dict[str, Any]:
     """Render a rig folder: pictures, ``rig.toml`` and ``truth.json``.
 
@@ -100,7 +115,7 @@ def simulate(
     for stage in dict.fromkeys(task.stage for task in tasks):
         made_folder(folder / stage)
     jobs = [(task, folder / task.stage / f"{task.name}.png") for task in tasks]
-    for _ in spread(_rendered, jobs, "render", progress):
+    for _ in spread(_rendered, jobs, "render", run):
         pass
     write_rig_toml(folder / "rig.toml", _known(truth_rig, options))
     return truth

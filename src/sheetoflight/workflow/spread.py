@@ -5,28 +5,49 @@ from __future__ import annotations
 import os
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
+from dataclasses import dataclass
 from multiprocessing import get_context
 from typing import TypeVar
 
 Item = TypeVar("Item")
 Result = TypeVar("Result")
 
-Progress = Callable[[str, int, int], None]
-"""Called with what is being done, how many parts are done, and how many there are."""
-
 _WORTH_A_PROCESS = 4
 
 
-def no_progress(what: str, done: int, total: int) -> None:
-    """Tell nobody."""
+def tell_nobody(what: str, done: int, total: int) -> None:
+    """Say nothing of the progress."""
+
+
+@dataclass(frozen=True)
+class Execution:
+    """How a long step runs.
+
+    Parameters
+    ----------
+    progress : callable
+        Called with what is being done, how many parts are done, and how many there are.
+    processes : int
+        How many processes share the work. More than one starts new interpreters, which a script
+        survives only if it guards its own start with ``if __name__ == "__main__":``; hence one
+        is the default.
+    """
+
+    progress: Callable[[str, int, int], None] = tell_nobody
+    processes: int = 1
+
+
+ALONE = Execution()
+"""In this process, telling nobody."""
+
+
+def cores() -> int:
+    """How many processors this process may use."""
+    return len(os.sched_getaffinity(0))
 
 
 def spread(
-    function: Callable[[Item], Result],
-    items: Sequence[Item],
-    what: str,
-    progress: Progress = no_progress,
-    processes: int | None = None,
+    function: Callable[[Item], Result], items: Sequence[Item], what: str, run: Execution = ALONE
 ) -> Iterator[Result]:
     """Results of ``function(item)`` in the order of the items.
 
@@ -36,28 +57,26 @@ def spread(
         Importable by name, so that another process can run it.
     items : sequence
     what : str
-        What to call the work in `progress`.
-    progress : callable
-    processes : int, optional
-        How many processes; by default as many as there are cores for this process.
+        What to call the work when its progress is told.
+    run : Execution
     """
-    processes = min(processes or len(os.sched_getaffinity(0)), len(items))
-    progress(what, 0, len(items))
-    if processes < 2 or len(items) < _WORTH_A_PROCESS:
+    run.progress(what, 0, len(items))
+    if run.processes < 2 or len(items) < _WORTH_A_PROCESS:
         for done, item in enumerate(items, start=1):
             yield function(item)
-            progress(what, done, len(items))
+            run.progress(what, done, len(items))
         return
     # new interpreters rather than forks: libraries with threads of their own do not survive one
     with ProcessPoolExecutor(
-        processes, mp_context=get_context("spawn"), initializer=_one_thread_each
+        min(run.processes, len(items)),
+        mp_context=get_context("spawn"),
+        initializer=_one_thread_each,
     ) as pool:
         for done, result in enumerate(pool.map(function, items), start=1):
             yield result
-            progress(what, done, len(items))
+            run.progress(what, done, len(items))
 
 
 def _one_thread_each() -> None:
-    import cv2
-
-    cv2.setNumThreads(1)
+    """The processes share the cores already; read by the libraries when they load."""
+    os.environ["OPENCV_FOR_THREADS_NUM"] = os.environ["OPENBLAS_NUM_THREADS"] = "1"

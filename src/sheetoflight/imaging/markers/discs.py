@@ -46,9 +46,7 @@ _ANGLES = np.arange(24) * (2 * np.pi / 24)
 _INNER, _OUTER = 0.6, 1.35
 
 
-def disc_candidates(
-    picture: GreyPicture, options: DiscOptions = DiscOptions()
-) -> list[Candidate]:
+def disc_candidates(picture: GreyPicture, options: DiscOptions = DiscOptions()) -> list[Candidate]:
     """Patches of a picture that look like plain discs, of about 4 to 250 px radius."""
     contrast = max(options.least_contrast, options.least_contrast_in_noise * picture.noise)
     found: list[tuple[float, Candidate]] = []

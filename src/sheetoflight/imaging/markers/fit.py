@@ -111,9 +111,7 @@ def fitted_marker(
     return MarkerFit(uv, covariance, shape, outline.blur_of(values), explained)
 
 
-def _pixels(
-    picture: GreyPicture, candidate: Candidate, options: FitOptions
-) -> tuple[Array, Array]:
+def _pixels(picture: GreyPicture, candidate: Candidate, options: FitOptions) -> tuple[Array, Array]:
     """Offsets from the candidate's centre and grey values of the pixels the fit sees."""
     height, width = picture.values.shape
     reach = options.surround * np.linalg.norm(candidate.frame, ord=2)

@@ -75,10 +75,11 @@ def laser_bands(
     nowhere: list[LaserBand | None] = [None] * len(markers)
     if len(strip.places) < _LEAST_SECTIONS:
         return nowhere
-    excess = strip.grey - _unlit(strip)
+    unlit = _unlit(strip)
+    excess = strip.grey - unlit
     spread = _MEDIAN_SPREAD * noise / np.sqrt(float(np.median(strip.averaged)))
     least = max(
-        options.least_excess * float(np.median(strip.surround)),
+        options.least_excess * float(np.median(unlit)),
         options.least_excess_in_noise * spread,
     )
     lit = excess.max(axis=1) > 2 * least

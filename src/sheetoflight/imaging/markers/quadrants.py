@@ -103,13 +103,11 @@ def _verified(
 def _ring_samples(values: Picture, centres: Array) -> np.ndarray:
     """Brightness ``(N, R, _ANGLES)`` on rings about the centres."""
     angles = np.arange(_ANGLES) * (2 * np.pi / _ANGLES)
-    unit = np.stack([np.cos(angles), np.sin(angles)], axis=-1)
-    uv = centres[:, None, None, :] + _RADII[None, :, None, None] * unit
-    flat = uv.reshape(len(centres), -1, 2).astype(np.float32)
-    read = cv2.remap(
-        values, flat[..., 0], flat[..., 1], cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE
-    )
-    return np.asarray(read).reshape(uv.shape[:3])
+    middle = centres.astype(np.float32)
+    u = middle[:, :1] + np.outer(_RADII, np.cos(angles)).astype(np.float32).ravel()
+    v = middle[:, 1:] + np.outer(_RADII, np.sin(angles)).astype(np.float32).ravel()
+    read = cv2.remap(values, u, v, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
+    return np.asarray(read).reshape(len(centres), len(_RADII), _ANGLES)
 
 
 def _rings(samples: np.ndarray, contrast: float, most_asymmetry: float) -> _Rings:
@@ -174,7 +172,9 @@ def _candidate(
     radius = _outline(samples[:, dark], reference, (black + white) / 2)
     if radius is None:
         return None
-    edges = np.array([[np.cos(start), np.cos(start + width)], [np.sin(start), np.sin(start + width)]])
+    edges = np.array(
+        [[np.cos(start), np.cos(start + width)], [np.sin(start), np.sin(start + width)]]
+    )
     unit = np.stack([np.cos(angles[dark]), np.sin(angles[dark])])
     oblique = np.linalg.solve(edges, unit * radius)
     squares, *_ = np.linalg.lstsq(oblique.T**2, np.ones(len(radius)), rcond=None)
@@ -183,9 +183,7 @@ def _candidate(
     error = float(np.sqrt(np.mean((np.sqrt(squares @ oblique**2) - 1.0) ** 2)))
     if error > options.most_outline_error:
         return None
-    return error, Candidate(
-        size * centre, size * edges / np.sqrt(squares), white - black, white
-    )
+    return error, Candidate(size * centre, size * edges / np.sqrt(squares), white - black, white)
 
 
 def _edges(dark_from: Array, dark_width: Array) -> tuple[float, float]:

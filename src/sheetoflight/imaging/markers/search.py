@@ -81,8 +81,6 @@ def _measured(
     """The sighting that a match gives, or None where closer inspection refutes it."""
     markers = [candidates[i] for i in match.members]
     strip = strip_profiles(picture, markers)
-    if not is_plain(strip, float(np.median([m.contrast for m in markers]))):
-        return None
     bands = laser_bands(strip, np.array([m.centre for m in markers]), picture.noise)
     quadrant = target.marker == "quadrant"
     fits: list[MarkerFit] = []
@@ -91,6 +89,8 @@ def _measured(
         if fit is None:
             return None
         fits.append(fit)
+    if not is_plain(strip, [f.shape for f in fits]):
+        return None
     return _sighting_of_quadrants(fits) if quadrant else _sighting_of_discs(fits, target)
 
 
@@ -104,9 +104,7 @@ def _sighting_of_discs(fits: list[MarkerFit], target: CollinearTarget) -> Target
     forward = spacing_error([f.shape for f in fits], positions)
     backward = spacing_error([f.shape for f in fits[::-1]], positions)
     symmetric = np.allclose(positions + positions[::-1], positions[-1], rtol=1e-9)
-    ordered = not symmetric and (
-        min(forward, backward) < _CLEARLY_BETTER * max(forward, backward)
-    )
+    ordered = not symmetric and (min(forward, backward) < _CLEARLY_BETTER * max(forward, backward))
     ends = fits[0].uv, fits[-1].uv
     if backward < forward if ordered else tuple(ends[1]) < tuple(ends[0]):
         fits = fits[::-1]
@@ -137,12 +135,19 @@ def _outcome(
         )
     part = largest_part(candidates, target)
     count = len(target.markers_mm)
+    if len(part) == count:
+        places = listed(np.array([candidates[i].centre for i in part]))
+        return TargetSearch(
+            None,
+            f"{count} markers found at {places}, but on closer inspection they are not the "
+            "target: a marker is covered, or the strip between them is not plain",
+        )
     if part:
         places = listed(np.array([candidates[i].centre for i in part]))
         return TargetSearch(None, f"{len(part)} of {count} markers found at {places}")
     if candidates:
         places = listed(np.array([c.centre for c in candidates[:count]]))
         return TargetSearch(
-            None, f"no target found; patches like a single marker, which do not fit together, at {places}"
+            None, f"no target found; patches like single markers do not fit together: {places}"
         )
     return TargetSearch(None, "no marker found")

@@ -28,8 +28,6 @@ class StripProfiles:
         Places of the samples across the line, px.
     grey : (S, K) array
         Median of a section's grey values.
-    surround : (S,) array
-        The markers' own surround, interpolated to each section.
     averaged : (S,) array
         Length of each section, px.
     """
@@ -40,7 +38,6 @@ class StripProfiles:
     places: Array
     across: Array
     grey: Array
-    surround: Array
     averaged: Array
 
 
@@ -96,22 +93,26 @@ def strip_profiles(
             places.append((start + end) / 2)
             grey.append(np.median(_read(picture, grid), axis=0))
             averaged.append(end - start)
-    surround = np.interp(places, at, [m.surround for m in markers])
     shaped = np.array(grey, dtype=float).reshape(-1, len(across))
     return StripProfiles(
-        centre, along, normal, np.array(places), across, shaped, surround, np.array(averaged)
+        centre, along, normal, np.array(places), across, shaped, np.array(averaged)
     )
 
 
 def is_plain(
-    profiles: StripProfiles, contrast: float, options: StripOptions = StripOptions()
+    profiles: StripProfiles,
+    markers: Sequence[Candidate],
+    options: StripOptions = StripOptions(),
 ) -> bool:
     """Whether the strip beside the axis looks like the markers' own surround throughout."""
     if not len(profiles.places):
         return True
+    at = (np.array([m.centre for m in markers]) - profiles.centre) @ profiles.along
+    surround = np.interp(profiles.places, at, [m.surround for m in markers])
+    contrast = np.median([abs(m.contrast) for m in markers])
     beside = np.abs(profiles.across) > _BESIDE_LINE * profiles.across[-1]
-    departure = np.abs(np.median(profiles.grey[:, beside], axis=1) - profiles.surround)
-    return bool((departure < options.unlike * abs(contrast)).mean() >= options.least_plain)
+    departure = np.abs(np.median(profiles.grey[:, beside], axis=1) - surround)
+    return bool((departure < options.unlike * contrast).mean() >= options.least_plain)
 
 
 def radius_along(marker: Candidate, direction: Array) -> float:

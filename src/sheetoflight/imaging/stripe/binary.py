@@ -49,7 +49,9 @@ def binary_line(image_on: NDArray[Any], image_off: NDArray[Any] | None = None) -
 
 
 def _without_specks(lit: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    _, labels, statistics, _ = cv2.connectedComponentsWithStats(lit.astype(np.uint8), connectivity=8)
+    _, labels, statistics, _ = cv2.connectedComponentsWithStats(
+        lit.astype(np.uint8), connectivity=8
+    )
     large = statistics[:, cv2.CC_STAT_AREA] >= _LEAST_PIXELS
     large[0] = False
     return large[labels]

@@ -18,13 +18,14 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import least_squares
+from scipy.optimize import OptimizeResult, least_squares
 from scipy.special import ndtr
 
 from sheetoflight.geometry.directions import Array
 from sheetoflight.geometry.lines import fitted_line
 from sheetoflight.imaging.stripe.gaussian import Centres
 from sheetoflight.imaging.stripe.light import LineLight
+from sheetoflight.imaging.stripe.noise import noise_law
 
 _CURVE_PX = 120.0
 _BEND_WIDTHS = 3.0
@@ -34,9 +35,11 @@ _INSIDE_PX, _INSIDE_WIDTHS = 20.0, 5.0
 _OUTSIDE_PX, _OUTSIDE_WIDTHS = 6.0, 2.0
 _ACROSS_WIDTHS = 4.0
 _BLUR_START_PX = 0.8
-_LIKELY_SHEAR = 2.0
+_LIKELY_SHEAR, _MOST_SHEAR = 2.0, 6.0
 _OTHER_ALONG_PX = 2.5
 _LEAST_SAMPLES = 40
+_MOST_STEPS = 60
+_CLEAR_STD_PX = 1.0
 _WIDTH_ROWS = 60
 _PIXEL_STD = float(np.sqrt(1.0 / 12.0))
 
@@ -117,7 +120,7 @@ def line_end(light: LineLight, centres: Centres, others: Array) -> LineEnd:
     beside = np.abs(window.t) > 2.5 * width
     if not (beside & (window.s > 1.5)).any() or not (beside & (window.s < -1.5)).any():
         return unseen
-    fit = _fitted(window, width)
+    fit = _fitted(window, width, light.least_std)
     if fit is None:
         return unseen
     end, std, blur = fit
@@ -280,27 +283,57 @@ def _belongs_to_others(
     return lies
 
 
-def _fitted(window: _Window, width: float) -> tuple[float, float, float] | None:
+def _fitted(window: _Window, width: float, least_std: float) -> tuple[float, float, float] | None:
     """Position, standard uncertainty and blur of the end; None where there is no clear edge."""
-
-    def residuals(parameters: Array) -> Array:
-        misfit = _light(parameters, window.s, window.t) - window.samples
-        # A full sample says only that the light was at least as bright.
-        misfit = np.where(window.full, np.minimum(misfit, 0.0), misfit)
-        return np.append(misfit, noise * parameters[4] / _LIKELY_SHEAR)
-
-    noise = 1.0
-    start = _start(window, width)
     if len(window.s) < _LEAST_SAMPLES:
         return None
-    fit = least_squares(residuals, start, method="lm", x_scale="jac", max_nfev=400)
-    blur = float(abs(fit.x[5]))
-    if not fit.success or abs(fit.x[3]) > 3.0 + width or blur > 2.0 + width or fit.x[0] <= 0:
-        return None
-    freedom = len(window.s) - len(start)
-    noise = float(np.sqrt(np.sum(fit.fun[:-1] ** 2) / freedom))
-    covariance = noise**2 * np.linalg.pinv(fit.jac.T @ fit.jac, hermitian=True)
-    return float(fit.x[3]), float(np.sqrt(covariance[3, 3])), blur
+    fit = _least_squares(window, _start(window, width), np.ones(len(window.s)), width)
+    lit = _light(fit.x, window.s, window.t)[0] - fit.x[6]
+    freedom = 1.0 - len(fit.x) / len(window.s)
+    law = noise_law(fit.fun[:-1], lit, freedom, least_std)
+    fit = _least_squares(window, fit.x, 1.0 / law.std(lit), width)
+    end, blur = float(fit.x[3]), float(fit.x[5])
+    covariance = np.linalg.pinv(fit.jac.T @ fit.jac, hermitian=True)
+    std = float(np.sqrt(covariance[3, 3]))
+    at_limit = max(abs(end), blur) > 0.99 * _farthest_end(width)
+    clear = fit.success and fit.x[0] > 0 and not at_limit and std < _CLEAR_STD_PX
+    return (end, std, blur) if clear else None
+
+
+def _least_squares(
+    window: _Window, start: Array, weights: Array, width: float
+) -> OptimizeResult:
+    """Bounded least squares; the last residual keeps the edge from lying along the line."""
+
+    def residuals(parameters: Array) -> Array:
+        misfit = _light(parameters, window.s, window.t)[0] - window.samples
+        # A full sample says only that the light was at least as bright.
+        misfit = np.where(window.full, np.minimum(misfit, 0.0), misfit)
+        return np.append(weights * misfit, parameters[4] / _LIKELY_SHEAR)
+
+    def jacobian(parameters: Array) -> Array:
+        model, derivatives = _light(parameters, window.s, window.t)
+        free = weights * ~(window.full & (model > window.samples))
+        shear = np.zeros((1, len(parameters)))
+        shear[0, 4] = 1.0 / _LIKELY_SHEAR
+        return np.concatenate([free[:, None] * derivatives, shear])
+
+    far = _farthest_end(width)
+    low = np.array([0.0, -np.inf, 0.3 * width, -far, -_MOST_SHEAR, 0.1, *3 * [-np.inf]])
+    high = np.array([np.inf, np.inf, 3.0 * width, far, _MOST_SHEAR, far, *3 * [np.inf]])
+    return least_squares(
+        residuals,
+        np.clip(start, low + 1e-3, high - 1e-3),
+        jac=jacobian,
+        bounds=(low, high),
+        x_scale="jac",
+        max_nfev=_MOST_STEPS,
+    )
+
+
+def _farthest_end(width: float) -> float:
+    """Limit of what the fit may find, both of the end's distance and of its blur, px."""
+    return 3.0 + width
 
 
 def _start(window: _Window, width: float) -> Array:
@@ -314,12 +347,41 @@ def _start(window: _Window, width: float) -> Array:
     )
 
 
-def _light(parameters: Array, s: Array, t: Array) -> Array:
-    """The closed form of the module's docstring."""
+def _light(parameters: Array, s: Array, t: Array) -> tuple[Array, Array]:
+    """The closed form of the module's docstring, and its derivatives ``(N, 9)``."""
     a0, a1, w, s0, k, p, b0, b_across, b1 = parameters
     q = max(1.0 - (p / w) ** 2, 0.0)
-    along = s0 - s
-    ridge = (a0 + a1 * s) * np.exp(-0.5 * (t / w) ** 2)
-    cut = ndtr((along + k * q * t) / (abs(p) * np.sqrt(1.0 + k * k * q)))
-    edge = ndtr((along + k * t) / (abs(p) * np.sqrt(1.0 + k * k)))
-    return ridge * cut + b0 + b_across * t + b1 * edge
+    shape = np.exp(-0.5 * (t / w) ** 2)
+    ridge = (a0 + a1 * s) * shape
+
+    e = p * np.sqrt(1.0 + k * k * q)
+    x = (s0 - s + k * q * t) / e
+    cut, density = ndtr(x), _density(x)
+    cut_by_k = density * (q * t - x * p * p * k * q / e) / e
+    cut_by_q = density * (k * t - x * p * p * k * k / (2.0 * e)) / e
+    q_by_p, q_by_w = (-2.0 * p / w**2, 2.0 * p * p / w**3) if q > 0 else (0.0, 0.0)
+
+    m = p * np.sqrt(1.0 + k * k)
+    y = (s0 - s + k * t) / m
+    edge, edge_density = ndtr(y), _density(y)
+    edge_by_k = edge_density * (t / m - y * k / (1.0 + k * k))
+
+    derivatives = np.stack(
+        [
+            shape * cut,
+            s * shape * cut,
+            ridge * (cut * t * t / w**3 + cut_by_q * q_by_w),
+            ridge * density / e + b1 * edge_density / m,
+            ridge * cut_by_k + b1 * edge_by_k,
+            ridge * (cut_by_q * q_by_p - density * x / p) - b1 * edge_density * y / p,
+            np.ones_like(s),
+            t,
+            edge,
+        ],
+        axis=-1,
+    )
+    return ridge * cut + b0 + b_across * t + b1 * edge, derivatives
+
+
+def _density(x: Array) -> Array:
+    return np.exp(-0.5 * x * x) / np.sqrt(2.0 * np.pi)

@@ -14,11 +14,12 @@ from scipy.special import erf
 
 from sheetoflight.geometry.directions import Array
 from sheetoflight.imaging.stripe.light import LineLight
+from sheetoflight.imaging.stripe.noise import noise_law
 
 _HALF_WIDTH = 4.0  # of the samples taken across the line, in standard deviations
 _SAMPLES = (3, 40)  # fewest and most samples on either side
-_STEPS = 12
-_CONVERGED_PX = 1e-4
+_STEPS = 20
+_CONVERGED_PX = 1e-3
 _FIRST_DAMPING = 1e-3
 _WIDTHS = (0.3, 14.0)  # standard deviations that count as a line, px
 
@@ -92,8 +93,10 @@ def fitted_centres(light: LineLight, track: Track, width: float) -> Centres:
     half = int(np.clip(np.ceil(_HALF_WIDTH * reach + 1.0), *_SAMPLES))
     samples, full, weights, first = _windows(light, track, half)
     start = _start(samples, weights, track.across - first, reach)
-    fit, covariance, still = _gauss_newton(samples, full, weights, start, not light.differenced)
-    noise = np.maximum(_row_noise(samples, full, weights, fit, start.shape[1]), light.noise_std)
+    free = 4 if light.differenced else 5
+    fit, _, _ = _least_squares(samples, full, weights, start, free)
+    weights = weights / _noise(samples, full, weights, fit, free, light.least_std)
+    fit, covariance, still = _least_squares(samples, full, weights, fit, free)
     across = fit[:, 1] + first
     moved = np.abs(across - track.across)
     good = still & (fit[:, 0] > 0) & (moved < 1.5 * reach + 1.0)
@@ -101,10 +104,10 @@ def fitted_centres(light: LineLight, track: Track, width: float) -> Centres:
     pair = (across, track.along) if track.by_rows else (track.along, across)
     return Centres(
         uv=np.stack(pair, axis=-1).astype(float),
-        std=noise * np.sqrt(covariance[:, 1, 1]) * cosine,
+        std=np.sqrt(covariance[:, 1, 1]) * cosine,
         width=fit[:, 2] * cosine,
         amplitude=fit[:, 0],
-        amplitude_std=noise * np.sqrt(covariance[:, 0, 0]),
+        amplitude_std=np.sqrt(covariance[:, 0, 0]),
         good=good,
     )
 
@@ -128,7 +131,9 @@ def _start(samples: Array, weights: Array, centre: Array, width: float) -> Array
     background = np.minimum(background, np.quantile(samples, 0.25, axis=1))
     index = np.clip(np.rint(centre).astype(int), 1, samples.shape[1] - 2)
     rows = np.arange(len(samples))
-    peak = np.maximum(samples[rows, index], (samples[rows, index - 1] + samples[rows, index + 1]) / 2)
+    peak = np.maximum(
+        samples[rows, index], (samples[rows, index - 1] + samples[rows, index + 1]) / 2
+    )
     zero = np.zeros(len(samples))
     start = [peak - background, centre, np.full(len(samples), width), background, zero]
     return np.stack(start, axis=-1)
@@ -148,17 +153,16 @@ def _model(parameters: Array, x: Array) -> tuple[Array, Array]:
     return amplitude * unit + level + slope * offset, derivatives
 
 
-def _gauss_newton(
-    samples: Array, full: NDArray[np.bool_], weights: Array, start: Array, sloping: bool
+def _least_squares(
+    samples: Array, full: NDArray[np.bool_], weights: Array, start: Array, free: int
 ) -> tuple[Array, Array, NDArray[np.bool_]]:
     """Levenberg–Marquardt on all rows at once.
 
     Returns
     -------
-    parameters : (N, 5), covariance : (N, P, P) for noise 1, still : (N,) bool
+    parameters : (N, 5), covariance : (N, P, P), still : (N,) bool
         Whether the last step was short.
     """
-    free = 5 if sloping else 4
     x = np.arange(samples.shape[1], dtype=float)
     parameters, damping = start.copy(), np.full(len(start), _FIRST_DAMPING)
     residuals, normal, gradient = _normal_equations(parameters, x, samples, full, weights, free)
@@ -175,7 +179,7 @@ def _gauss_newton(
         found = _normal_equations(trial, x, samples, full, weights, free)
         new_cost = np.sum(found[0] ** 2, axis=1)
         better = new_cost <= cost
-        still = np.where(better, np.abs(step[:, 1]) < _CONVERGED_PX, still)
+        still = np.abs(step[:, 1]) < _CONVERGED_PX
         parameters[better], cost[better] = trial[better], new_cost[better]
         normal[better], gradient[better] = found[1][better], found[2][better]
         damping = np.where(better, damping * 0.2, damping * 10.0)
@@ -203,15 +207,18 @@ def _normal_equations(
     return residuals, transposed @ jacobian, np.einsum("nkp,nk->np", jacobian, residuals)
 
 
-def _row_noise(
-    samples: Array, full: NDArray[np.bool_], weights: Array, fit: Array, free: int
+def _noise(
+    samples: Array,
+    full: NDArray[np.bool_],
+    weights: Array,
+    fit: Array,
+    free: int,
+    least_std: float,
 ) -> Array:
-    """Noise ``(N,)`` from the residuals, shared by neighbouring rows."""
-    x = np.arange(samples.shape[1], dtype=float)
-    model, _ = _model(fit, x)
-    used = weights * ~(full & (model > samples))
-    squares = np.sum(used * (samples - model) ** 2, axis=1)
-    freedom = np.sum(used, axis=1) - free
-    kernel = np.ones(min(31, len(fit)))
-    total = np.convolve(squares, kernel, "same")
-    return np.sqrt(total / np.maximum(np.convolve(freedom, kernel, "same"), 1.0))
+    """Standard deviation ``(N, K)`` of the samples by the noise law that the fits show."""
+    model, derivatives = _model(fit, np.arange(samples.shape[1], dtype=float))
+    light = fit[:, :1] * derivatives[..., 0]
+    used = (weights > 0) & ~(full & (model > samples))
+    residuals = (samples - model)[used]
+    freedom = 1.0 - free * len(fit) / max(residuals.size, 1)
+    return noise_law(residuals, light[used], freedom, least_std).std(light)

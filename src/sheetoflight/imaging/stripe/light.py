@@ -35,6 +35,8 @@ class LineLight:
         Pixels at which the sensor was full: the light there was at least what it shows.
     noise_std : float
         Standard deviation of the noise away from the line, grey levels.
+    least_std : float
+        What rounding to whole grey levels alone gives, grey levels.
     differenced : bool
         Whether the background has been taken away by a picture without the laser.
     """
@@ -42,6 +44,7 @@ class LineLight:
     picture: Picture
     full: NDArray[np.bool_]
     noise_std: float
+    least_std: float
     differenced: bool
 
 
@@ -65,10 +68,12 @@ def line_light(image_on: NDArray[Any], image_off: NDArray[Any] | None = None) ->
     if off is not None:
         channels = channels - off.astype(np.float32)
     picture = channels if channels.ndim == 2 else _one_channel(channels, off is not None)
+    least = _rounding_std(picture, on.dtype, off is not None)
     return LineLight(
         picture=np.ascontiguousarray(picture),
         full=full,
-        noise_std=_noise_std(picture, full, on.dtype, off is not None),
+        noise_std=max(least, _noise_std(picture, full)),
+        least_std=least,
         differenced=off is not None,
     )
 
@@ -152,21 +157,21 @@ def _one_channel(channels: NDArray[np.float32], differenced: bool) -> Picture:
     return (channels @ (contrast / contrast.sum()).astype(np.float32)).astype(np.float32)
 
 
-def _noise_std(
-    picture: Picture, full: NDArray[np.bool_], dtype: np.dtype[Any], differenced: bool
-) -> float:
-    """Robust noise of the picture, never below what rounding to whole grey levels adds."""
+def _rounding_std(picture: Picture, dtype: np.dtype[Any], differenced: bool) -> float:
     if dtype.kind == "f":
-        floor = _FLOAT_NOISE_FLOOR * float(picture.max() - picture.min())
-    else:
-        floor = _QUANTISATION_STD * (np.sqrt(2.0) if differenced else 1.0)
+        return _FLOAT_NOISE_FLOOR * float(picture.max() - picture.min())
+    return float(_QUANTISATION_STD * (np.sqrt(2.0) if differenced else 1.0))
+
+
+def _noise_std(picture: Picture, full: NDArray[np.bool_]) -> float:
+    """Robust noise of the picture; 0 where there is nothing to estimate it from."""
     if min(picture.shape) < 3:
-        return floor
+        return 0.0
     response = np.abs(cv2.filter2D(picture, cv2.CV_32F, _NOISE_MASK)[1:-1, 1:-1])
     # Where the sensor is empty or full there is no noise to see.
     usable = (picture > picture.min()) & ~full
     response = response[usable[1:-1, 1:-1]]
     if response.size == 0:
-        return floor
+        return 0.0
     step = max(1, response.size // _NOISE_SAMPLES)
-    return max(floor, _MAD_TO_STD * float(np.median(response[::step])))
+    return _MAD_TO_STD * float(np.median(response[::step]))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
@@ -33,6 +34,7 @@ def linked(ridges: Ridges, seed_strength: float, least_pixels: int) -> list[NDAr
     list of (M,) int arrays
         Indices into `ridges`, in order along the chain.
     """
+    ridges, index = _in_large_groups(ridges, seed_strength, least_pixels)
     by_pixel = {(int(u), int(v)): i for i, (u, v) in enumerate(ridges.pixels)}
     taken = np.zeros(len(ridges), dtype=bool)
     chains = []
@@ -46,8 +48,29 @@ def linked(ridges: Ridges, seed_strength: float, least_pixels: int) -> list[NDAr
         backward = _grown(ridges, by_pixel, taken, int(seed), -ridges.direction[seed])
         chain = np.array([*backward[::-1], int(seed), *forward], dtype=np.int64)
         if len(chain) >= least_pixels:
-            chains.append(chain)
+            chains.append(index[chain])
     return chains
+
+
+def _in_large_groups(
+    ridges: Ridges, seed_strength: float, least_pixels: int
+) -> tuple[Ridges, NDArray[np.int64]]:
+    """The ridge pixels that could belong to a chain, and their indices.
+
+    A chain lies within one 8-connected group, which must hold a seed and enough pixels.
+    """
+    if len(ridges) == 0:
+        return ridges, np.empty(0, dtype=np.int64)
+    low = ridges.pixels.min(axis=0)
+    columns, rows = (ridges.pixels - low).T
+    mask = np.zeros((rows.max() + 1, columns.max() + 1), dtype=np.uint8)
+    mask[rows, columns] = 1
+    count, labels = cv2.connectedComponents(mask, connectivity=8)
+    group = labels[rows, columns]
+    size = np.bincount(group, minlength=count)
+    has_seed = np.bincount(group, ridges.strength >= seed_strength, minlength=count) > 0
+    index = np.flatnonzero((size >= least_pixels)[group] & has_seed[group])
+    return ridges.taken(index), index
 
 
 def _grown(

@@ -18,6 +18,8 @@ from sheetoflight.imaging.stripe.ridges import ridges
 from sheetoflight.imaging.stripe.tracks import centres_along, taken, unbroken
 from sheetoflight.model.line_piece import LinePiece
 
+_LEAST_CENTRES = 5
+
 
 @dataclass(frozen=True)
 class PieceOptions:
@@ -44,8 +46,8 @@ class PieceOptions:
     least_snr: float = 3.0
     least_length_px: float = 12.0
     least_widths: float = 6.0
-    least_contrast: float = 0.04
-    least_contrast_single: float = 0.25
+    least_contrast: float = 0.08
+    least_contrast_single: float = 0.15
 
     def __post_init__(self) -> None:
         for name, value in vars(self).items():
@@ -84,7 +86,8 @@ def line_pieces(
     light = line_light(image_on, image_off)
     runs = [_in_reading_order(run) for run in _runs(light, options)]
     pieces = [_piece(light, run, _all_but(runs, i)) for i, run in enumerate(runs)]
-    return tuple(sorted(pieces, key=lambda piece: (piece.ends[0, 1], piece.ends[0, 0])))
+    long_enough = [piece for piece in pieces if len(piece) >= _LEAST_CENTRES]
+    return tuple(sorted(long_enough, key=lambda piece: (piece.ends[0, 1], piece.ends[0, 0])))
 
 
 def _runs(light: LineLight, options: PieceOptions) -> list[Centres]:
@@ -100,13 +103,13 @@ def _runs(light: LineLight, options: PieceOptions) -> list[Centres]:
     part = options.least_contrast if light.differenced else options.least_contrast_single
     brightest = float(np.quantile(found.strength, 0.98))
     seed = max(options.seed_snr * light.noise_std, part * brightest)
-    found = found.stronger_than(max(least, 0.5 * part * brightest))
+    found = found.taken(found.strength >= max(least, 0.5 * part * brightest))
     chains = linked(found, seed, int(options.least_length_px) // 2)
     runs = [
         run
         for chain in chains
-        for run in unbroken(centres_along(light, found, chain), seed)
-        if _is_long_enough(run, options)
+        for run in unbroken(centres_along(light, found, chain), 0.5 * seed)
+        if np.median(run.amplitude) >= seed and _is_long_enough(run, options)
     ]
     return runs
 

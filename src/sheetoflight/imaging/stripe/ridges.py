@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 from numpy.typing import NDArray
+from scipy.ndimage import median_filter
 
 from sheetoflight.geometry.directions import Array
 from sheetoflight.imaging.stripe.light import Picture
@@ -21,6 +22,12 @@ _REACH_PX = 0.7
 
 # At a line's pixel the curvature along the line is small; a blob or a saddle has two large ones.
 _CURVATURE_RATIO = 0.5
+
+# How far a line must stand out from its surroundings, in standard deviations of their answer,
+# and the size of the surroundings.
+_LEAST_OVER_TEXTURE = 4.0
+_SURROUNDINGS_PX, _SURROUNDINGS_SCALES = 24.0, 10.0
+_QUANTILE, _QUANTILE_TO_STD = 0.7, 1.0 / 1.0364
 
 
 @dataclass(frozen=True)
@@ -50,20 +57,19 @@ class Ridges:
     def __len__(self) -> int:
         return len(self.pixels)
 
-    def stronger_than(self, strength: float) -> Ridges:
-        """The ridge pixels of at least a given strength."""
-        keep = self.strength >= strength
+    def taken(self, index: NDArray[np.int64] | NDArray[np.bool_]) -> Ridges:
+        """Some of the ridge pixels."""
         return Ridges(
-            self.pixels[keep],
-            self.uv[keep],
-            self.direction[keep],
-            self.strength[keep],
+            self.pixels[index],
+            self.uv[index],
+            self.direction[index],
+            self.strength[index],
             self.scale,
         )
 
 
 def ridges(picture: Picture, least_strength: float) -> Ridges:
-    """Ridge pixels at the scale that shows the most of the picture's lines.
+    """Ridge pixels at the scale at which the picture's brightest lines answer most.
 
     C. Steger, "An unbiased detector of curvilinear structures", IEEE PAMI 20(2), 1998:
     a pixel lies on a line where the first derivative across it vanishes inside the pixel and
@@ -75,8 +81,9 @@ def ridges(picture: Picture, least_strength: float) -> Ridges:
     least_strength : float
         Amplitude of the faintest line of interest, grey levels.
     """
+    brightest = max(picture.shape) // 4
     found = [ridges_at(picture, scale, least_strength) for scale in SCALES]
-    return max(found, key=lambda one: float(np.sum(one.strength**2)))
+    return max(found, key=lambda one: float(np.sum(np.sort(one.strength)[-brightest:])))
 
 
 def ridges_at(picture: Picture, scale: float, least_strength: float) -> Ridges:
@@ -85,10 +92,13 @@ def ridges_at(picture: Picture, scale: float, least_strength: float) -> Ridges:
     # A line of standard deviation `scale` and amplitude A has the second derivative
     # A / (2 sqrt(2) scale²) across it after smoothing.
     to_strength = 2.0 * np.sqrt(2.0) * scale**2
-    laplacian = cv2.Laplacian(smooth, cv2.CV_32F, ksize=1)
-    inner = laplacian[1:-1, 1:-1] * -to_strength >= least_strength * (1.0 - _CURVATURE_RATIO)
-    rows, columns = np.nonzero(inner)
+    answer = cv2.Laplacian(smooth, cv2.CV_32F, ksize=1) * np.float32(-to_strength)
+    rows, columns = np.nonzero(answer[1:-1, 1:-1] >= (1.0 - _CURVATURE_RATIO) * least_strength)
     rows, columns = rows + 1, columns + 1
+    texture = _texture(answer, scale, rows, columns)
+    least = np.maximum(_LEAST_OVER_TEXTURE * texture, least_strength)
+    plausible = answer[rows, columns] >= (1.0 - _CURVATURE_RATIO) * least
+    rows, columns, least = rows[plausible], columns[plausible], least[plausible]
     gradient, hessian = _derivatives(smooth, rows, columns)
     across, along, curvature, other = _principal(hessian)
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -96,9 +106,33 @@ def ridges_at(picture: Picture, scale: float, least_strength: float) -> Ridges:
         offset = distance[:, None] * across
         on_ridge = (np.abs(offset) <= _REACH_PX).all(axis=-1)
     strength = -curvature * to_strength
-    on_ridge &= (strength >= least_strength) & (np.abs(other) <= _CURVATURE_RATIO * -curvature)
+    on_ridge &= (strength >= least) & (
+        np.abs(other) <= _CURVATURE_RATIO * -curvature
+    )
     pixels = np.stack([columns, rows], axis=-1)[on_ridge]
     return Ridges(pixels, pixels + offset[on_ridge], along[on_ridge], strength[on_ridge], scale)
+
+
+def _texture(
+    answer: Picture, scale: float, rows: NDArray[np.int64], columns: NDArray[np.int64]
+) -> Array:
+    """Typical answer in the surroundings of pixels ``(N,)``, as a standard deviation.
+
+    A line fills a small part of its surroundings; texture, compression noise and the squares of
+    a board fill all of it, and a line must stand out from them.
+    """
+    height, width = answer.shape
+    side = int(np.ceil(_SURROUNDINGS_SCALES * scale + _SURROUNDINGS_PX))
+    tall, wide = min(side, height), min(side, width)
+    down, right = height // tall, width // wide
+    # Whole blocks only: the rest beside the last ones tells nothing new.
+    blocks = np.abs(answer[: down * tall, : right * wide]).reshape(down, tall, right, wide)
+    sparse = np.swapaxes(blocks[:, ::3, :, ::3], 1, 2).reshape(down, right, -1)
+    rank = int(_QUANTILE * sparse.shape[-1])
+    typical = np.partition(sparse, rank, axis=-1)[..., rank] * _QUANTILE_TO_STD
+    # A line may fill much of one block, so the block's neighbours are asked as well.
+    smooth = median_filter(typical, size=3, mode="nearest")
+    return smooth[np.minimum(rows // tall, down - 1), np.minimum(columns // wide, right - 1)]
 
 
 def _derivatives(
