@@ -39,6 +39,10 @@ def test_the_noise_of_a_poor_detector_passes():
     check_target_views(rig.plane, "plane", (SIZE[0] + 20, SIZE[1] + 20))
 
 
+def test_a_target_seen_end_on_is_not_judged_by_its_noise():
+    check_target_views(views([(100, 100), (103, 101), (101, 104)]), "camera", SIZE)
+
+
 def test_two_markers_changed_for_each_other_are_found_in_every_view():
     rig = observed_rig(paper_rig(), 50, 0, 0.1, np.random.default_rng(12))
     swapped = TargetViews(rig.camera.names, rig.camera.uv[:, [0, 2, 1]])
@@ -73,9 +77,10 @@ def test_the_marker_off_the_line_of_four_is_named(marker: int):
         check_target_views(TargetViews(("a",), points[None]), "camera", SIZE)
 
 
-def test_of_three_markers_the_one_nearest_to_the_others_line_is_named():
+@pytest.mark.parametrize("u", [11.0, 60.0, 150.0, 223.0, 290.0])
+def test_of_three_markers_the_one_nearest_to_the_others_line_is_named(u: float):
     with pytest.raises(InputError, match=r"marker 1 lies 40.0 px off .* \(limit 30.0\) – check"):
-        check_target_views(views([(0, 0), (150, 40), (300, 0)]), "camera", SIZE)
+        check_target_views(views([(0, 0), (u, 40), (300, 0)]), "camera", SIZE)
     check_target_views(views([(0, 0), (150, 29), (300, 0)]), "camera", SIZE)
 
 

@@ -211,6 +211,18 @@ def test_a_picture_that_lost_its_last_bytes_is_refused_or_whole(tmp_path: Path, 
         np.testing.assert_array_equal(got, whole)
 
 
+def test_a_tiff_cut_short_is_refused_without_a_word_from_its_decoder(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+):
+    tifffile.imwrite(tmp_path / "p.tif", GREY, photometric="minisblack")
+    content = (tmp_path / "p.tif").read_bytes()
+    with pytest.raises(FileError, match="picture is damaged: it is cut short"):
+        read(tmp_path, content[:-1])
+    with pytest.raises(FileError, match="picture is damaged: its directory makes no sense"):
+        read(tmp_path, content[:100])
+    assert caplog.records == []
+
+
 def test_a_thumbnails_end_is_not_the_pictures(tmp_path: Path):
     jpeg, thumbnail = encoded(".jpg", COLOUR), encoded(".jpg", GREY)
     segment = b"\xff\xe2" + struct.pack(">H", len(thumbnail) + 2) + thumbnail
@@ -220,11 +232,11 @@ def test_a_thumbnails_end_is_not_the_pictures(tmp_path: Path):
         read(tmp_path, with_thumbnail[:-2])
 
 
-def test_one_wrong_bit_in_a_png_is_found(tmp_path: Path):
+def test_one_wrong_bit_in_a_png_is_found_before_decoding(tmp_path: Path):
     content = bytearray(png(GREY))
     for place in range(8, len(content), 101):
         content[place] ^= 1
-        with pytest.raises(FileError, match="picture is damaged"):
+        with pytest.raises(FileError, match="picture is damaged: "):
             read(tmp_path, bytes(content))
         content[place] ^= 1
 

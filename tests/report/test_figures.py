@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+from typing import Any, cast
+
 import numpy as np
+import plotly.graph_objects as go
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -18,7 +21,11 @@ def view(stage: str = "plane", name: str = "one", uv: np.ndarray = GONE) -> View
     return ViewResiduals(stage, name, uv, 0.001 * (uv - 200.0), np.column_stack([uv, uv[:, 0]]))
 
 
-def points(trace) -> np.ndarray:
+def traces(figure: go.Figure) -> list[Any]:
+    return list(cast("Any", figure).data)
+
+
+def points(trace: Any) -> np.ndarray:
     """Points of a trace without the gaps between its lines."""
     xy = np.column_stack([np.asarray(trace.x, float), np.asarray(trace.y, float)])
     return xy[np.isfinite(xy).all(axis=1)]
@@ -26,10 +33,10 @@ def points(trace) -> np.ndarray:
 
 def test_every_seen_marker_is_drawn_at_its_image_point(calibration):
     figure = figures.image_points(calibration)
-    drawn = np.concatenate([points(trace) for trace in figure.data])
+    drawn = np.concatenate([points(trace) for trace in traces(figure)])
     observed = np.concatenate([v.uv for v in calibration.residuals.views])
     assert np.array_equal(drawn, observed)
-    assert [trace.name for trace in figure.data] == ["camera (12 views)", "plane (10 views)"]
+    assert [trace.name for trace in traces(figure)] == ["camera (12 views)", "plane (10 views)"]
 
 
 def test_the_picture_is_drawn_with_v_down_and_square_pixels(calibration):
@@ -48,7 +55,7 @@ def test_a_missing_marker_is_bridged_and_views_are_not_joined():
 
 
 def test_bars_show_the_rms_of_every_view(calibration):
-    bars = [trace for trace in figures.residual_bars(calibration).data if trace.type == "bar"]
+    bars = [trace for trace in traces(figures.residual_bars(calibration)) if trace.type == "bar"]
     heights = [y for bar in bars for y in bar.y]
     places = [x for bar in bars for x in bar.x]
     expected = [np.sqrt(np.mean(v.residuals**2)) for v in calibration.residuals.views]
@@ -59,7 +66,7 @@ def test_bars_show_the_rms_of_every_view(calibration):
 def test_arrows_are_residuals_enlarged_by_the_stated_factor(calibration):
     figure = figures.residual_arrows(calibration)
     factor = float(figure.layout.xaxis.title.text.split()[-2])
-    for trace, stage in zip(figure.data[::2], ("camera", "plane"), strict=True):
+    for trace, stage in zip(traces(figure)[::2], ("camera", "plane"), strict=True):
         shafts = points(trace).reshape(-1, 2, 2)
         views = [v for v in calibration.residuals.views if v.stage == stage]
         assert shafts[:, 0] == pytest.approx(np.concatenate([v.uv for v in views]))
@@ -78,7 +85,7 @@ def test_the_factor_is_round_and_as_large_as_it_may_be(length, residual):
 
 def test_all_residuals_and_the_circles_lie_within_the_scatter(calibration):
     figure = figures.residual_scatter(calibration)
-    drawn = np.concatenate([points(trace) for trace in figure.data])
+    drawn = np.concatenate([points(trace) for trace in traces(figure)])
     assert np.array_equal(drawn, np.concatenate([v.residuals for v in calibration.residuals.views]))
     reach = figure.layout.xaxis.range[1]
     assert np.abs(drawn).max() < reach
@@ -103,9 +110,9 @@ def test_all_residuals_and_the_circles_lie_within_the_scatter(calibration):
 )
 def test_sparse_calibrations_are_drawn(draw, views):
     figure = draw(example_calibration(views=views))
-    finite = [points(trace) for trace in figure.data]
+    finite = [points(trace) for trace in traces(figure)]
     assert sum(map(len, finite)) >= 0
-    assert {trace.name for trace in figure.data if trace.name}
+    assert {trace.name for trace in traces(figure) if trace.name}
 
 
 def test_a_perfect_fit_is_drawn():
@@ -117,9 +124,8 @@ def test_a_perfect_fit_is_drawn():
 def test_names_are_shown_letter_by_letter():
     """Plotly reads <b>, <a href> and their like in texts unless they are escaped."""
     calibration = example_calibration(views=(view(stage="<b>s</b>", name="<a href='x'>v</a>"),))
-    shown = (
-        figures.image_points(calibration).to_json() + figures.residual_bars(calibration).to_json()
-    )
+    drawn = [figures.image_points(calibration), figures.residual_bars(calibration)]
+    shown = "".join(str(figure.to_json()) for figure in drawn)
     assert "\\u003cb\\u003e" not in shown
     assert "\\u003ca" not in shown
     assert "&lt;b&gt;s" in shown.replace("\\u0026", "&")

@@ -60,7 +60,9 @@ def test_the_tilt_of_the_sheet_moves_with_its_normal(calibration):
 def test_points_of_the_sheet_satisfy_the_equation_in_the_papers_form():
     plane = RIG.light_plane
     text = numbers.paper_equation(plane).replace("−", "-").replace(" ", "")
-    a, b, c = (float(x) for x in re.fullmatch(r"(.+)X(.+)Y(.+)Z\+1000=0", text).groups())
+    found = re.fullmatch(r"(.+)X(.+)Y(.+)Z\+1000=0", text)
+    assert found
+    a, b, c = (float(x) for x in found.groups())
     rays = np.random.default_rng(1).normal(size=(50, 3)) * 0.1 + [0, 0, 1]
     points = rays * (plane.distance_mm / (rays @ plane.normal))[:, None]
     left = points @ [a, b, c] + 1000
@@ -100,10 +102,11 @@ def test_chi_squared_is_put_into_words(chi2, words):
 
 
 def test_nested_provenance_is_flattened_in_its_order():
-    mapping = {"b": {"y": 1, "x": {"z": None}}, "a": ["p", 2], "c": "text"}
+    mapping = {"b": {"y": 1, "x": {"z": None, "w": False}}, "a": ["p", 2], "c": "text"}
     assert list(numbers.flat(mapping)) == [
         ("b.y", "1"),
-        ("b.x.z", "None"),
+        ("b.x.z", "–"),
+        ("b.x.w", "no"),
         ("a", "p, 2"),
         ("c", "text"),
     ]

@@ -142,7 +142,7 @@ def test_the_headline_says_what_a_reader_asks_first(page: Page):
     for part in (
         "calibrated by the joint method from 12 camera views and 10 plane views",
         "A length of 100 mm in the sheet is known with a standard uncertainty of",
-        "0.100 px",
+        "0.10 px",
         "1.013",
         "The residuals agree with this noise.",
         "Warning. Few views reach into the corners.",

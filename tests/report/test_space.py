@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+from typing import Any, cast
+
 import numpy as np
+import plotly.graph_objects as go
 import pytest
 
 from sheetoflight.model.calibration import ViewResiduals
@@ -12,13 +15,17 @@ from tests.report.examples import RIG, example_calibration, line_piece
 SINGLE = 1e-3  # mm: coordinates are stored with seven digits
 
 
-def xyz(trace) -> np.ndarray:
+def traces(figure: go.Figure) -> list[Any]:
+    return list(cast("Any", figure).data)
+
+
+def xyz(trace: Any) -> np.ndarray:
     points = np.column_stack([np.asarray(c, float) for c in (trace.x, trace.y, trace.z)])
     return points[np.isfinite(points).all(axis=1)]
 
 
-def named(figure, start: str):
-    (trace,) = [trace for trace in figure.data if trace.name.startswith(start)]
+def named(figure: go.Figure, start: str) -> Any:
+    (trace,) = [trace for trace in traces(figure) if trace.name.startswith(start)]
     return trace
 
 
@@ -45,7 +52,7 @@ def test_the_patch_lies_in_the_sheet_and_holds_the_targets_placed_in_it(calibrat
 
 
 def test_the_pyramid_starts_at_the_centre_and_ends_on_the_rays_of_the_corners(calibration):
-    (trace,) = [t for t in space.points_and_sheet(calibration).data if t.name == "camera"]
+    (trace,) = [t for t in traces(space.points_and_sheet(calibration)) if t.name == "camera"]
     points = xyz(trace)
     tips = points[np.linalg.norm(points, axis=1) > 0]
     assert len(points) - len(tips) == 4
@@ -61,7 +68,7 @@ def test_axes_are_true_to_scale_and_hold_everything(calibration):
     spans = np.array([axis.range[1] - axis.range[0] for axis in axes])
     ratio = np.array([scene.aspectratio.x, scene.aspectratio.y, scene.aspectratio.z])
     assert spans / ratio == pytest.approx(spans.max())
-    points = np.concatenate([xyz(trace) for trace in figure.data])
+    points = np.concatenate([xyz(trace) for trace in traces(figure)])
     low, high = np.array([axis.range for axis in axes]).T
     assert (points >= low).all()
     assert (points <= high).all()

@@ -65,4 +65,5 @@ def test_slopes_are_the_change_of_the_coordinates_per_pixel(size):
             (values[i + 1, j] - values[i - 1, j]) / 2,
         )
         found = [np.broadcast_to(slope, values.shape)[i, j] for slope in slopes]
-        np.testing.assert_allclose(found, expected, rtol=0, atol=2e-3 * float(np.abs(expected).max()))
+        bound = 2e-3 * float(np.abs(expected).max())
+        np.testing.assert_allclose(found, expected, rtol=0, atol=bound)

@@ -13,9 +13,9 @@ import pytest
 from sheetoflight.errors import InputError
 from sheetoflight.geometry.directions import normalised
 from sheetoflight.model.target import CollinearTarget
+from sheetoflight.simulation.picture import ViewOptions
 from sheetoflight.simulation.render import RenderOptions, render
 from sheetoflight.simulation.views import (
-    ViewOptions,
     blank_scene,
     folder_truth,
     picture_tasks,

@@ -145,7 +145,7 @@ class Adjustment:
         self.positions = positions
         self.stages = dict(stages)
         self.parameters = free
-        self._intrinsics = np.array([i for i, name in enumerate(CAMERA) if name in free], dtype=int)
+        self._intrinsics = [i for i, name in enumerate(CAMERA) if name in free]
         self._weights = {
             stage: np.where(views.seen, 1.0 / std[stage], 0.0)[..., None]
             for stage, views in self.stages.items()
@@ -213,16 +213,16 @@ class Adjustment:
 
     def _block(self, state: RigState, stage: str) -> Block:
         placed = _PLACEMENTS[stage](state, self.positions)
-        uv, by_point, by_parameter = state.camera.project_with_jacobians(placed.points)
-        weights = self._weights[stage]
-        seen = weights > 0
-        residuals = np.where(seen, (uv - self._observed[stage]) * weights, 0.0)
-        by_point = np.where(seen[..., None], by_point * weights[..., None], 0.0)
-        by_camera = np.where(
-            seen[..., None], by_parameter[..., self._intrinsics] * weights[..., None], 0.0
+        uv, by_point, by_camera = state.camera.project_with_jacobians(
+            placed.points, self._intrinsics
         )
+        weights = self._weights[stage]
+        residuals = (uv - self._observed[stage]) * weights
+        by_point = by_point * weights[..., None]
         own = [i for i, name in enumerate(placed.columns) if name in self.parameters]
-        by_shared = np.concatenate([by_camera, by_point @ placed.by_shared[..., own]], axis=-1)
+        by_shared = np.concatenate(
+            [by_camera * weights[..., None], by_point @ placed.by_shared[..., own]], axis=-1
+        )
         count, markers = residuals.shape[:2]
         return Block(
             residuals=residuals.reshape(count, 2 * markers),

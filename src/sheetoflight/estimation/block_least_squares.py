@@ -73,7 +73,7 @@ class SolverOptions:
 
     tolerance: float = 1e-13
     iterations: int = 100
-    damping: float = 1e-4
+    damping: float = 1e-7
 
 
 @dataclass(frozen=True)
@@ -166,8 +166,9 @@ def solve(
             converged = True
             break
         candidate = problem.moved(state, shared, local)
-        trial_blocks = problem.blocks(candidate)
-        trial = _cost(trial_blocks)
+        with np.errstate(over="ignore", invalid="ignore"):  # a wild step is refused below
+            trial_blocks = problem.blocks(candidate)
+            trial = _cost(trial_blocks)
         ratio = (cost - trial) / gain if np.isfinite(trial) else -1.0
         if ratio > 0:
             state, cost, blocks = candidate, trial, trial_blocks

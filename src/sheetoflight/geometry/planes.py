@@ -29,4 +29,4 @@ def ray_depths(rays: Array, normal: Array, distance: float) -> Array:
     slope = rays @ normal
     with np.errstate(divide="ignore", invalid="ignore"):
         depths = distance / slope
-    return np.where(depths > 0, depths, np.nan)
+    return np.where((depths > 0) & np.isfinite(depths), depths, np.nan)

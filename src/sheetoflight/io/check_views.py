@@ -119,7 +119,7 @@ def _refuse_copies(views: TargetViews, stage: str) -> None:
     for name, uv, seen in zip(views.names, views.uv, views.seen, strict=True):
         if not seen.any():
             continue
-        points = np.where(seen[:, None], uv + 0.0, np.inf).tobytes()
+        points = np.where(seen[:, None], uv, np.nan).tobytes()
         if points in first:
             raise InputError(
                 f"stage {stage}: view {one_line(name)} repeats view {one_line(first[points])} "

@@ -54,11 +54,12 @@ class Covariance:
 
     def block(self, parameters: tuple[str, ...]) -> Array:
         """Covariance of the given parameters; zero rows for those that were held fixed."""
-        known = {name: index for index, name in enumerate(self.parameters)}
-        chosen = np.array([known.get(name, -1) for name in parameters])
-        block = self.matrix[np.ix_(chosen, chosen)].copy()
-        block[chosen < 0, :] = 0.0
-        block[:, chosen < 0] = 0.0
+        places = [(row, self.parameters.index(name)) for row, name in enumerate(parameters)
+                  if name in self.parameters]  # fmt: skip
+        block = np.zeros((len(parameters), len(parameters)))
+        if places:
+            here, there = np.array(places).T
+            block[np.ix_(here, here)] = self.matrix[np.ix_(there, there)]
         return block
 
 

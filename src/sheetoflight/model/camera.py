@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -146,34 +146,48 @@ class Camera:
             inverse_z = np.where(points[..., 2] > 0, 1.0 / points[..., 2], np.nan)
         return self.pixels_of(points[..., :2] * inverse_z[..., None])
 
-    def project_with_jacobians(self, points: Array) -> tuple[Array, Array, Array]:
+    def project_with_jacobians(
+        self, points: Array, parameters: Sequence[int] = range(10)
+    ) -> tuple[Array, Array, Array]:
         """`project`, and its derivatives.
+
+        Parameters
+        ----------
+        points : (..., 3) array
+            mm, camera frame.
+        parameters : sequence of int
+            Places in `PARAMETERS` of those to derive by; all ten by default.
 
         Returns
         -------
         uv : (..., 2) px
         by_point : (..., 2, 3) px per mm
-        by_parameter : (..., 2, 10) px per unit of each of `PARAMETERS`
+        by_parameter : (..., 2, len(parameters)) px per unit of each parameter
         """
         points = np.asarray(points, dtype=float)
         with np.errstate(divide="ignore", invalid="ignore"):
             inverse_z = np.where(points[..., 2] > 0, 1.0 / points[..., 2], np.nan)
         normal_xy = points[..., :2] * inverse_z[..., None]
-        distorted, by_normal, by_coefficient = self._distorted_with_jacobians(normal_xy)
-        uv = distorted @ self.matrix[:2, :2].T + self.matrix[:2, 2]
+        linear = self.matrix[:2, :2]
+        if self.distorts:
+            distorted, by_normal = self._distorted_with_jacobian(normal_xy)
+            uv_by_normal = linear @ by_normal
+        else:
+            distorted, uv_by_normal = normal_xy, linear
+        uv = distorted @ linear.T + self.matrix[:2, 2]
 
-        uv_by_normal = self.matrix[:2, :2] @ by_normal
         by_point = np.empty((*uv.shape, 3))
         by_point[..., :2] = uv_by_normal * inverse_z[..., None, None]
-        by_point[..., 2] = -np.einsum("...ij,...j->...i", by_point[..., :2], normal_xy)
+        by_point[..., 2] = -(by_point[..., :2] @ normal_xy[..., None])[..., 0]
 
-        by_parameter = np.zeros((*uv.shape, 10))
-        by_parameter[..., 0, 0] = distorted[..., 0]
-        by_parameter[..., 1, 1] = distorted[..., 1]
-        by_parameter[..., 0, 2] = distorted[..., 1]
-        by_parameter[..., 0, 3] = 1.0
-        by_parameter[..., 1, 4] = 1.0
-        by_parameter[..., 5:] = self.matrix[:2, :2] @ by_coefficient
+        by_parameter = np.zeros((*uv.shape, len(parameters)))
+        for column, index in enumerate(parameters):
+            if index in _LINEAR_PARTS:
+                row, source = _LINEAR_PARTS[index]
+                by_parameter[..., row, column] = 1.0 if source is None else distorted[..., source]
+            else:
+                change = _distortion_by_coefficient(normal_xy, index - 5)
+                by_parameter[..., column] = change @ linear.T
         return uv, by_point, by_parameter
 
     def pixels_of(self, normal_xy: Array) -> Array:
@@ -228,50 +242,61 @@ class Camera:
             axis=-1,
         )
 
-    def _distorted_with_jacobians(self, normal_xy: Array) -> tuple[Array, Array, Array]:
+    def _distorted_with_jacobian(self, normal_xy: Array) -> tuple[Array, Array]:
         x, y = normal_xy[..., 0], normal_xy[..., 1]
         _, _, p1, p2, _ = self.distortion
         r2 = x * x + y * y
         factor, slope = self._radial(r2)
         xy2 = 2.0 * x * y
-        x_term, y_term = r2 + 2.0 * x * x, r2 + 2.0 * y * y
 
         distorted = np.empty_like(normal_xy)
-        distorted[..., 0] = factor * x + p1 * xy2 + p2 * x_term
-        distorted[..., 1] = factor * y + p1 * y_term + p2 * xy2
+        distorted[..., 0] = factor * x + p1 * xy2 + p2 * (r2 + 2.0 * x * x)
+        distorted[..., 1] = factor * y + p1 * (r2 + 2.0 * y * y) + p2 * xy2
 
         by_normal = np.empty((*normal_xy.shape, 2))
         by_normal[..., 0, 0] = factor + 2.0 * (slope * x * x + p1 * y + 3.0 * p2 * x)
         by_normal[..., 0, 1] = slope * xy2 + 2.0 * (p1 * x + p2 * y)
         by_normal[..., 1, 0] = by_normal[..., 0, 1]
         by_normal[..., 1, 1] = factor + 2.0 * (slope * y * y + 3.0 * p1 * y + p2 * x)
-
-        by_coefficient = np.empty((*normal_xy.shape, 5))
-        powers = (r2, r2 * r2, r2 * r2 * r2)
-        for column, power in zip((0, 1, 4), powers, strict=True):
-            by_coefficient[..., 0, column] = power * x
-            by_coefficient[..., 1, column] = power * y
-        by_coefficient[..., 0, 2] = xy2
-        by_coefficient[..., 1, 2] = y_term
-        by_coefficient[..., 0, 3] = x_term
-        by_coefficient[..., 1, 3] = xy2
-        return distorted, by_normal, by_coefficient
+        return distorted, by_normal
 
     def _undistorted(self, distorted: Array) -> Array:
         """Newton's iteration from the centre outwards, with the analytic Jacobian."""
         normal_xy = distorted.copy()
         for _ in range(_NEWTON_STEPS):
-            image, by_normal, _ = self._distorted_with_jacobians(normal_xy)
+            image, by_normal = self._distorted_with_jacobian(normal_xy)
             step = np.einsum("...ij,...j->...i", _inverse_2x2(by_normal), distorted - image)
             normal_xy = normal_xy + step
             if not np.any(np.abs(step) > _CONVERGED):
                 break
         with np.errstate(invalid="ignore", over="ignore"):
-            image, by_normal, _ = self._distorted_with_jacobians(normal_xy)
+            image, by_normal = self._distorted_with_jacobian(normal_xy)
             good = np.abs(image - distorted).max(axis=-1) < 1e-10
             good &= np.linalg.det(by_normal) > 0
             good &= by_normal[..., 0, 0] > 0
         return np.where(good[..., None], normal_xy, np.nan)
+
+
+_LINEAR_PARTS: dict[int, tuple[int, int | None]] = {
+    0: (0, 0),  # alpha: u moves with x'
+    1: (1, 1),  # beta: v with y'
+    2: (0, 1),  # gamma: u with y'
+    3: (0, None),  # u0
+    4: (1, None),  # v0
+}
+"""Of each entry of K: the image coordinate that it moves, and the coordinate it multiplies."""
+
+
+def _distortion_by_coefficient(normal_xy: Array, index: int) -> Array:
+    """Derivative ``(..., 2)`` of the distorted coordinates by k1, k2, p1, p2 or k3."""
+    x, y = normal_xy[..., 0], normal_xy[..., 1]
+    r2 = x * x + y * y
+    if index == 2:
+        return np.stack([2.0 * x * y, r2 + 2.0 * y * y], axis=-1)
+    if index == 3:
+        return np.stack([r2 + 2.0 * x * x, 2.0 * x * y], axis=-1)
+    power = {0: 1, 1: 2, 4: 3}[index]
+    return (r2**power)[..., None] * normal_xy
 
 
 def _inverse_2x2(matrices: Array) -> Array:

@@ -11,6 +11,7 @@ import plotly.graph_objects as go
 
 from sheetoflight.geometry.directions import Array
 from sheetoflight.model.calibration import Calibration, ViewResiduals
+from sheetoflight.report.numbers import two_digits
 
 STAGE_COLOURS = {
     "camera": "#3b82c4",
@@ -73,13 +74,13 @@ def residual_bars(calibration: Calibration) -> go.Figure:
             name=label(stage),
             marker={"color": stage_colour(stage)},
             hovertext=[label(views[number].view) for number in numbers],
-            hovertemplate="%{hovertext}<br>%{y:.3f} px<extra></extra>",
+            hovertemplate="%{hovertext}<br>%{y:.3g} px<extra></extra>",
         )
     figure.add_scatter(
         x=[0.5, len(views) + 0.5],
         y=[calibration.residuals.rms_px] * 2,
         mode="lines",
-        name=f"all: {calibration.residuals.rms_px:.3f} px",
+        name=f"all: {two_digits(calibration.residuals.rms_px)} px",
         line={"color": NEUTRAL, "width": 1.5, "dash": "dash"},
         hoverinfo="skip",
     )
@@ -117,7 +118,7 @@ def residual_arrows(calibration: Calibration) -> go.Figure:
             legendgroup=stage,
             marker={"color": stage_colour(stage), "size": 4},
             customdata=residuals[seen],
-            hovertemplate="du %{customdata[0]:.3f}, dv %{customdata[1]:.3f} px<extra></extra>",
+            hovertemplate="du %{customdata[0]:.3g}, dv %{customdata[1]:.3g} px<extra></extra>",
         )
     _frame_of_picture(figure, calibration.camera.image_size)
     figure.update_xaxes(title=f"u, px – residuals enlarged {factor:g} times")
@@ -138,7 +139,7 @@ def residual_scatter(calibration: Calibration) -> go.Figure:
             name=label(stage),
             text=names,
             marker={"color": stage_colour(stage), "size": 5, "opacity": 0.75},
-            hovertemplate="%{text}<br>du %{x:.3f}, dv %{y:.3f} px<extra></extra>",
+            hovertemplate="%{text}<br>du %{x:.3g}, dv %{y:.3g} px<extra></extra>",
         )
     for multiple in (1, 2, 3):
         radius = multiple * calibration.pixel_std

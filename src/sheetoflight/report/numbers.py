@@ -155,7 +155,15 @@ def flat(mapping: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, st
         elif isinstance(value, Sequence) and not isinstance(value, str):
             yield f"{prefix}{key}", ", ".join(str(item) for item in value)
         else:
-            yield f"{prefix}{key}", str(value)
+            yield f"{prefix}{key}", _in_words(value)
+
+
+def _in_words(value: object) -> str:
+    if value is None:
+        return "–"
+    if isinstance(value, bool):
+        return "yes" if value else "no"
+    return str(value)
 
 
 def _with_std(covariance: Covariance, parameter: str, value: float) -> tuple[str, str]:

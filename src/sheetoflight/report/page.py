@@ -85,6 +85,7 @@ def _environment() -> Environment:
         lstrip_blocks=True,
     )
     environment.filters["cell"] = _cell_text
+    environment.filters["two_digits"] = numbers.two_digits
     return environment
 
 
@@ -101,7 +102,7 @@ def _stage_counts(calibration: Calibration) -> list[tuple[str, int, str]]:
         of_stage = [view.residuals for view in views if view.stage == stage]
         residuals = np.concatenate(of_stage)
         seen = residuals[np.isfinite(residuals)]
-        rms = f"{np.sqrt(np.mean(seen**2)):.3f}" if seen.size else "–"
+        rms = numbers.two_digits(float(np.sqrt(np.mean(seen**2)))) if seen.size else "–"
         counts.append((stage, len(of_stage), rms))
     return counts
 

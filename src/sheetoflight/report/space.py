@@ -20,7 +20,8 @@ _MOST_POINTS = 1500
 _SHEET_COLOUR = "#e0453a"
 _FAINT, _CLEAR = 0.3, 1.0
 _GRID = 9
-_EYE = {"x": -1.05, "y": -0.7, "z": -1.05}
+_EYE = np.array([-0.64, -0.43, -0.64])
+_DISTANCE = 1.35
 _HOVER = "X %{x:.2f}, Y %{y:.2f}, Z %{z:.2f} mm<extra></extra>"
 
 
@@ -147,15 +148,15 @@ def _add_camera(figure: go.Figure, calibration: Calibration, depth: float) -> Ar
 def _look_at(figure: go.Figure, points: Array) -> None:
     """Axes true to scale about the points, seen from behind the camera and above it, with Y
     pointing down as in the picture."""
-    view = {"up": {"x": 0, "y": -1, "z": 0}, "eye": _EYE, "center": {"x": 0, "y": 0.08, "z": 0}}
     titles = {f"{axis}axis": {"title": {"text": f"{axis.upper()}, mm"}} for axis in "xyz"}
-    figure.update_layout(scene={"camera": view, **titles})
+    figure.update_layout(scene={**titles, "camera": {"up": {"x": 0, "y": -1, "z": 0}}})
     if len(points):
         figure.update_layout(scene=_box(points))
 
 
 def _box(points: Array) -> dict[str, object]:
-    """Ranges that keep some room where the points span next to none."""
+    """Ranges that keep some room where the points span next to none, and an eye so far off
+    that the whole box is seen."""
     low, high = points.min(axis=0), points.max(axis=0)
     largest = float((high - low).max()) or 1.0
     span = np.maximum(high - low, _THINNEST_BOX * largest) * 1.05
@@ -164,8 +165,14 @@ def _box(points: Array) -> dict[str, object]:
         f"{axis}axis": {"range": [float(m - s / 2), float(m + s / 2)]}
         for axis, m, s in zip("xyz", middle, span, strict=True)
     }
-    ratio = {axis: float(s / span.max()) for axis, s in zip("xyz", span, strict=True)}
-    return {**axes, "aspectmode": "manual", "aspectratio": ratio}
+    ratio = span / span.max()
+    eye = _DISTANCE * float(np.linalg.norm(ratio)) * _EYE
+    camera = {"eye": _named(eye), "center": {"x": 0, "y": 0.1, "z": 0}}
+    return {**axes, "aspectmode": "manual", "aspectratio": _named(ratio), "camera": camera}
+
+
+def _named(vector: Array) -> dict[str, float]:
+    return dict(zip("xyz", map(float, vector), strict=True))
 
 
 def _thinned(uv: Array) -> Array:

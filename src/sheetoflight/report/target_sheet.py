@@ -204,7 +204,7 @@ def _add(axes: Axes, artist: PathPatch | Rectangle | Circle | Wedge, name: str) 
 
 def _filled(colour: str) -> dict[str, Any]:
     """Filled without an outline, which would enlarge the shape by half its width."""
-    return {"facecolor": colour, "edgecolor": "none", "linewidth": 0.0}
+    return {"facecolor": colour, "edgecolor": "none"}
 
 
 def _polyline(points: list[tuple[float, float]], colour: str) -> PathPatch:

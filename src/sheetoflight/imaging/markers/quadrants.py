@@ -92,11 +92,10 @@ def _verified(
         return []
     rings = _rings(_ring_samples(values, centres), contrast, options.most_asymmetry)
     found = []
-    for i, (first, last) in enumerate(_steady_runs(rings)):
-        if last - first >= _LEAST_RUN:
-            candidate = _candidate(centres[i], rings, i, slice(first, last), size, options)
-            if candidate is not None:
-                found.append(candidate)
+    for i, run in _steady_runs(rings):
+        candidate = _candidate(centres[i], rings, i, run, size, options)
+        if candidate is not None:
+            found.append(candidate)
     return found
 
 
@@ -140,21 +139,25 @@ def _crossing(smooth: np.ndarray, middle: np.ndarray, at: np.ndarray) -> Array:
     return np.mod(index - np.nan_to_num(back), _HALF)[..., 0].astype(float)
 
 
-def _steady_runs(rings: _Rings) -> list[tuple[int, int]]:
-    """Longest run of rings of each centre on which the edges keep their directions."""
-    centre = rings.dark_from + rings.dark_width / 2
-    turn = np.mod(np.diff(centre, axis=1) + np.pi / 2, np.pi) - np.pi / 2
+def _steady_runs(rings: _Rings) -> list[tuple[int, slice]]:
+    """Runs of rings on which the edges keep their directions: centre's index and rings.
+
+    A centre may have two: the marker, and farther out the strip on a dark wall.
+    """
+    middle = rings.dark_from + rings.dark_width / 2
+    turn = np.mod(np.diff(middle, axis=1) + np.pi / 2, np.pi) - np.pi / 2
     growth = np.diff(rings.dark_width, axis=1)
     joined = rings.good[:, 1:] & rings.good[:, :-1]
     joined &= (np.abs(turn) < _STEADY_RAD) & (np.abs(growth) < 2 * _STEADY_RAD)
-    count = np.zeros(len(joined), int)
-    best, best_end = count.copy(), count.copy()
-    for ring in range(joined.shape[1]):
-        count = np.where(joined[:, ring], count + 1, 0)
-        longer = count > best
-        best = np.where(longer, count, best)
-        best_end = np.where(longer, ring + 2, best_end)
-    return [(int(e - b - 1), int(e)) if b else (0, 0) for b, e in zip(best, best_end, strict=True)]
+    bounded = np.pad(joined, ((0, 0), (1, 1))).astype(np.int8)
+    change = np.diff(bounded, axis=1)
+    centres, first = np.nonzero(change == 1)
+    _, last = np.nonzero(change == -1)
+    long = last - first + 1 >= _LEAST_RUN
+    return [
+        (int(i), slice(int(start), int(end) + 1))
+        for i, start, end in zip(centres[long], first[long], last[long], strict=True)
+    ]
 
 
 def _candidate(
@@ -162,14 +165,13 @@ def _candidate(
 ) -> tuple[float, Candidate] | None:
     start, width = _edges(rings.dark_from[index, run], rings.dark_width[index, run])
     samples = rings.samples[index]
-    reference = (run.start + 2 * run.stop) // 3
     angles = np.arange(_ANGLES) * (2 * np.pi / _ANGLES)
     offset = np.mod(angles - start - width / 2 + np.pi / 2, np.pi) - np.pi / 2
     dark = np.abs(offset) < _INNER_SHARE * width / 2
     light = np.abs(offset) > width / 2 + 0.15 * (np.pi - width)
     black = float(np.median(samples[run, dark]))
     white = float(np.median(samples[run, light]))
-    radius = _outline(samples[:, dark], reference, (black + white) / 2)
+    radius = _outline(samples[:, dark], run, (black + white) / 2)
     if radius is None:
         return None
     edges = np.array(
@@ -194,21 +196,19 @@ def _edges(dark_from: Array, dark_width: Array) -> tuple[float, float]:
     return float(np.median(turned)) - np.pi / 2 - width / 2, width
 
 
-def _outline(dark: np.ndarray, reference: int, middle: float) -> Array | None:
-    """Radius at which each dark ray ``(R, K)`` turns light and stays so, beyond ``reference``."""
-    light = dark > middle
-    if light[reference].any():
-        return None
-    beyond = light[reference:]
-    if not beyond.any(axis=0).all():
-        return None
-    first = reference + beyond.argmax(axis=0)
+def _outline(dark: np.ndarray, run: slice, middle: float) -> Array | None:
+    """Radius at which each dark ray ``(R, K)`` turns light beyond its darkest ring of the run."""
     rays = np.arange(dark.shape[1])
+    darkest = run.start + dark[run].argmin(axis=0)
+    beyond = (dark > middle) & (np.arange(len(dark))[:, None] > darkest)
+    if (dark[darkest, rays] > middle).any() or not beyond.any(axis=0).all():
+        return None
+    first = beyond.argmax(axis=0)
     after, before = dark[first, rays], dark[first - 1, rays]
     step = np.log(_RADII[1] / _RADII[0])
     radius = _RADII[first] * np.exp(-step * (after - middle) / (after - before))
     further = np.searchsorted(_RADII, _BEYOND_OUTLINE * radius)
     further = np.minimum(further, len(_RADII) - 1)
-    if light[further, rays].mean() < _WHITE_BEYOND_SHARE:
+    if (dark[further, rays] > middle).mean() < _WHITE_BEYOND_SHARE:
         return None
     return radius.astype(float)

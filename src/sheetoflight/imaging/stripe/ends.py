@@ -1,16 +1,4 @@
-"""Where a piece of the line ends, to sub-pixel, along the line.
-
-A flat Gaussian sheet of light on a surface with a straight edge, seen through a Gaussian blur,
-gives a picture in closed form. With ``s`` along the line, ``t`` across it, the blur ``p``
-(defocus and pixel), the seen line's standard deviation ``w``, the edge ``s = s0 + k t`` and
-``q = 1 − p²/w²``::
-
-    light = (a0 + a1 s) exp(−t²/2w²) Φ((s0 − s + k q t)/e),    e² = p² (1 + k² q)
-
-which follows from convolving the product of Gaussian and step with the blur. The ambient light
-on the surface is cut by the same edge: ``b1 Φ((s0 − s + k t) / (p √(1 + k²)))``. At ``t = 0`` the
-line's light is half of what it would be without the edge, however oblique the edge.
-"""
+"""Where a piece of the line ends: the picture around its last centres, and the edge in it."""
 
 from __future__ import annotations
 
@@ -18,28 +6,22 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import OptimizeResult, least_squares
-from scipy.special import ndtr
 
 from sheetoflight.geometry.directions import Array
 from sheetoflight.geometry.lines import fitted_line
+from sheetoflight.imaging.stripe.edge import Window, fitted_edge
 from sheetoflight.imaging.stripe.gaussian import Centres
 from sheetoflight.imaging.stripe.light import LineLight
-from sheetoflight.imaging.stripe.noise import noise_law
 
 _CURVE_PX = 120.0
 _BEND_WIDTHS = 3.0
+_REACH_BLURS, _REACH_WIDTHS = 2.0, 2.5
 _CURVE_DEGREES = (1, 2, 3)
 _WORTH_A_DEGREE = 12.0  # drop of chi-squared; 1 in 2000 for a straight line by chance
 _INSIDE_PX, _INSIDE_WIDTHS = 20.0, 5.0
 _OUTSIDE_PX, _OUTSIDE_WIDTHS = 6.0, 2.0
 _ACROSS_WIDTHS = 4.0
-_BLUR_START_PX = 0.8
-_LIKELY_SHEAR, _MOST_SHEAR = 2.0, 6.0
 _OTHER_ALONG_PX = 2.5
-_LEAST_SAMPLES = 40
-_MOST_STEPS = 60
-_CLEAR_STD_PX = 1.0
 _WIDTH_ROWS = 60
 _PIXEL_STD = float(np.sqrt(1.0 / 12.0))
 
@@ -54,15 +36,15 @@ class LineEnd:
         Where the line's centre meets the edge, px.
     std : float
         Standard uncertainty along the line, px; NaN where the edge is not in the picture.
-    blur : float
-        Standard deviation of the fall of light along the line, px; NaN as `std`.
+    reach : float
+        How far inwards from the end the fall of light may move a row's or column's centre, px.
     direction : (2,) array
         Unit direction of the line at the end, outwards.
     """
 
     uv: Array
     std: float
-    blur: float
+    reach: float
     direction: Array
 
     @property
@@ -113,18 +95,18 @@ def line_end(light: LineLight, centres: Centres, others: Array) -> LineEnd:
     curve = _curve(centres, width)
     s_centres, _ = curve.frame(centres.uv)
     rough = _half_height(light, curve, s_centres, width, others)
-    unseen = LineEnd(curve.point(rough), np.nan, np.nan, curve.direction(rough))
+    unseen = LineEnd(curve.point(rough), np.nan, 0.0, curve.direction(rough))
     if not _inside(light, curve, rough + 2.0 + width, 2.0 * width):
         return unseen
     window = _window(light, curve, rough, _depth(s_centres, rough, width), width, others)
-    beside = np.abs(window.t) > 2.5 * width
-    if not (beside & (window.s > 1.5)).any() or not (beside & (window.s < -1.5)).any():
+    edge = fitted_edge(window, width, light.least_std)
+    if edge is None:
         return unseen
-    fit = _fitted(window, width, light.least_std)
-    if fit is None:
-        return unseen
-    end, std, blur = fit
-    return LineEnd(curve.point(rough + end), std, blur, curve.direction(rough + end))
+    end = rough + edge.s
+    direction = curve.direction(end)
+    oblique = _obliqueness(direction) + abs(edge.shear)
+    reach = _REACH_BLURS * edge.blur + _REACH_WIDTHS * width * oblique
+    return LineEnd(curve.point(end), edge.std, reach, direction)
 
 
 def _depth(s_centres: Array, rough: float, width: float) -> float:
@@ -132,22 +114,18 @@ def _depth(s_centres: Array, rough: float, width: float) -> float:
     return min(_INSIDE_PX + _INSIDE_WIDTHS * width, 0.6 * (rough - float(s_centres[0])))
 
 
-def bend_length(centres: Centres, width: float) -> float:
-    """How far from the end a centre may feel it, px.
-
-    The row or column of a centre lies oblique to the line by up to 45°, so its far samples reach
-    past the end before its centre does; an oblique edge adds as much again.
-    """
-    du, dv = np.abs(centres.uv[-1] - centres.uv[0])
-    oblique = min(du, dv) / max(du, dv)
-    return 1.0 + _BEND_WIDTHS * width * (1.0 + float(oblique))
+def _obliqueness(direction: Array) -> float:
+    """How far along the line a row or column reaches for each px across it: 0 to 1."""
+    lengths = np.abs(direction)
+    return float(lengths.min() / lengths.max())
 
 
 def _curve(centres: Centres, width: float) -> _Curve:
     """The centre line near the end, without the bend that an oblique edge gives it."""
     from_end = np.linalg.norm(centres.uv - centres.uv[-1], axis=1)
     from_start = np.linalg.norm(centres.uv - centres.uv[0], axis=1)
-    bend = min(bend_length(centres, width), 0.3 * from_end[0])
+    oblique = 1.0 + _obliqueness(centres.uv[-1] - centres.uv[0])
+    bend = min(1.0 + _BEND_WIDTHS * width * oblique, 0.3 * from_end[0])
     near = (from_end <= _CURVE_PX) & (from_end >= bend) & (from_start >= bend)
     uv, std = centres.uv[near], centres.std[near]
     origin, along = fitted_line(uv)
@@ -211,7 +189,7 @@ def _half_height(
     return last + float(positions[dark[0]] if len(dark) else positions[-1])
 
 
-def _profile(window: _Window, width: float) -> tuple[Array, Array]:
+def _profile(window: Window, width: float) -> tuple[Array, Array]:
     """Height of the line's profile over its surroundings in steps of one pixel along it."""
     shape = np.exp(-0.5 * (window.t / width) ** 2)
     bins = np.floor(window.s).astype(int)
@@ -228,19 +206,9 @@ def _profile(window: _Window, width: float) -> tuple[Array, Array]:
     return shared[full_bin] / spread[full_bin], positions[full_bin].astype(float)
 
 
-@dataclass(frozen=True)
-class _Window:
-    """Samples about an end: along and across the line, and their light."""
-
-    s: Array
-    t: Array
-    samples: Array
-    full: NDArray[np.bool_]
-
-
 def _window(
     light: LineLight, curve: _Curve, rough: float, depth: float, width: float, others: Array
-) -> _Window:
+) -> Window:
     """The pixels from `depth` inside to some pixels outside, without those of other pieces."""
     beyond = _OUTSIDE_PX + _OUTSIDE_WIDTHS * width
     reach = 1.0 + _ACROSS_WIDTHS * width
@@ -251,7 +219,7 @@ def _window(
     use = (s > -depth) & (s < beyond) & (np.abs(t) < reach)
     use[use] &= ~_belongs_to_others(s[use] + rough, t[use], curve, others, width)
     at = (rows[use], columns[use])
-    return _Window(s[use], t[use], light.picture[at].astype(float), light.full[at])
+    return Window(s[use], t[use], light.picture[at].astype(float), light.full[at])
 
 
 def _square(
@@ -281,107 +249,3 @@ def _belongs_to_others(
     for along, across in zip(other_s[near], other_t[near], strict=True):
         lies |= (np.abs(s - along) < _OTHER_ALONG_PX) & (np.abs(t - across) < 3.5 * width)
     return lies
-
-
-def _fitted(window: _Window, width: float, least_std: float) -> tuple[float, float, float] | None:
-    """Position, standard uncertainty and blur of the end; None where there is no clear edge."""
-    if len(window.s) < _LEAST_SAMPLES:
-        return None
-    fit = _least_squares(window, _start(window, width), np.ones(len(window.s)), width)
-    lit = _light(fit.x, window.s, window.t)[0] - fit.x[6]
-    freedom = 1.0 - len(fit.x) / len(window.s)
-    law = noise_law(fit.fun[:-1], lit, freedom, least_std)
-    fit = _least_squares(window, fit.x, 1.0 / law.std(lit), width)
-    end, blur = float(fit.x[3]), float(fit.x[5])
-    covariance = np.linalg.pinv(fit.jac.T @ fit.jac, hermitian=True)
-    std = float(np.sqrt(covariance[3, 3]))
-    at_limit = max(abs(end), blur) > 0.99 * _farthest_end(width)
-    clear = fit.success and fit.x[0] > 0 and not at_limit and std < _CLEAR_STD_PX
-    return (end, std, blur) if clear else None
-
-
-def _least_squares(
-    window: _Window, start: Array, weights: Array, width: float
-) -> OptimizeResult:
-    """Bounded least squares; the last residual keeps the edge from lying along the line."""
-
-    def residuals(parameters: Array) -> Array:
-        misfit = _light(parameters, window.s, window.t)[0] - window.samples
-        # A full sample says only that the light was at least as bright.
-        misfit = np.where(window.full, np.minimum(misfit, 0.0), misfit)
-        return np.append(weights * misfit, parameters[4] / _LIKELY_SHEAR)
-
-    def jacobian(parameters: Array) -> Array:
-        model, derivatives = _light(parameters, window.s, window.t)
-        free = weights * ~(window.full & (model > window.samples))
-        shear = np.zeros((1, len(parameters)))
-        shear[0, 4] = 1.0 / _LIKELY_SHEAR
-        return np.concatenate([free[:, None] * derivatives, shear])
-
-    far = _farthest_end(width)
-    low = np.array([0.0, -np.inf, 0.3 * width, -far, -_MOST_SHEAR, 0.1, *3 * [-np.inf]])
-    high = np.array([np.inf, np.inf, 3.0 * width, far, _MOST_SHEAR, far, *3 * [np.inf]])
-    return least_squares(
-        residuals,
-        np.clip(start, low + 1e-3, high - 1e-3),
-        jac=jacobian,
-        bounds=(low, high),
-        x_scale="jac",
-        max_nfev=_MOST_STEPS,
-    )
-
-
-def _farthest_end(width: float) -> float:
-    """Limit of what the fit may find, both of the end's distance and of its blur, px."""
-    return 3.0 + width
-
-
-def _start(window: _Window, width: float) -> Array:
-    """Rough parameters of `_light`."""
-    beside, core = np.abs(window.t) > 2.5 * width, np.abs(window.t) < 0.5 * width + 0.5
-    level = float(np.median(window.samples[beside & (window.s > 1.5)]))
-    ambient = float(np.median(window.samples[beside & (window.s < -1.5)]))
-    bright = float(np.median(window.samples[core & (window.s < -1.5)]))
-    return np.array(
-        [bright - ambient, 0.0, width, 0.0, 0.0, _BLUR_START_PX, level, 0.0, ambient - level]
-    )
-
-
-def _light(parameters: Array, s: Array, t: Array) -> tuple[Array, Array]:
-    """The closed form of the module's docstring, and its derivatives ``(N, 9)``."""
-    a0, a1, w, s0, k, p, b0, b_across, b1 = parameters
-    q = max(1.0 - (p / w) ** 2, 0.0)
-    shape = np.exp(-0.5 * (t / w) ** 2)
-    ridge = (a0 + a1 * s) * shape
-
-    e = p * np.sqrt(1.0 + k * k * q)
-    x = (s0 - s + k * q * t) / e
-    cut, density = ndtr(x), _density(x)
-    cut_by_k = density * (q * t - x * p * p * k * q / e) / e
-    cut_by_q = density * (k * t - x * p * p * k * k / (2.0 * e)) / e
-    q_by_p, q_by_w = (-2.0 * p / w**2, 2.0 * p * p / w**3) if q > 0 else (0.0, 0.0)
-
-    m = p * np.sqrt(1.0 + k * k)
-    y = (s0 - s + k * t) / m
-    edge, edge_density = ndtr(y), _density(y)
-    edge_by_k = edge_density * (t / m - y * k / (1.0 + k * k))
-
-    derivatives = np.stack(
-        [
-            shape * cut,
-            s * shape * cut,
-            ridge * (cut * t * t / w**3 + cut_by_q * q_by_w),
-            ridge * density / e + b1 * edge_density / m,
-            ridge * cut_by_k + b1 * edge_by_k,
-            ridge * (cut_by_q * q_by_p - density * x / p) - b1 * edge_density * y / p,
-            np.ones_like(s),
-            t,
-            edge,
-        ],
-        axis=-1,
-    )
-    return ridge * cut + b0 + b_across * t + b1 * edge, derivatives
-
-
-def _density(x: Array) -> Array:
-    return np.exp(-0.5 * x * x) / np.sqrt(2.0 * np.pi)

@@ -92,7 +92,7 @@ def fitted_centres(light: LineLight, track: Track, width: float) -> Centres:
     reach = width / float(np.median(cosine))
     half = int(np.clip(np.ceil(_HALF_WIDTH * reach + 1.0), *_SAMPLES))
     samples, full, weights, first = _windows(light, track, half)
-    start = _start(samples, weights, track.across - first, reach)
+    start = _start(samples, track.across - first, reach)
     free = 4 if light.differenced else 5
     fit, _, _ = _least_squares(samples, full, weights, start, free)
     weights = weights / _noise(samples, full, weights, fit, free, light.least_std)
@@ -125,10 +125,9 @@ def _windows(
     return picture[index].astype(float), full[index], inside.astype(float), first.astype(float)
 
 
-def _start(samples: Array, weights: Array, centre: Array, width: float) -> Array:
+def _start(samples: Array, centre: Array, width: float) -> Array:
     """Rough amplitude, centre, width, background level and slope ``(N, 5)``."""
-    background = np.median(samples, axis=1)
-    background = np.minimum(background, np.quantile(samples, 0.25, axis=1))
+    background = np.quantile(samples, 0.25, axis=1)
     index = np.clip(np.rint(centre).astype(int), 1, samples.shape[1] - 2)
     rows = np.arange(len(samples))
     peak = np.maximum(

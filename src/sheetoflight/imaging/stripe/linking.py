@@ -11,8 +11,10 @@ from sheetoflight.imaging.stripe.ridges import Ridges
 # A line does not turn by more than this between neighbouring pixels.
 _LEAST_COSINE = np.cos(np.radians(40.0))
 
-# Neighbours less than this far ahead or behind are beside the pixel: the line's other half.
-_BESIDE = 0.3
+# How far ahead the next pixel must lie, px: the line's other half is beside, not ahead.
+_LEAST_AHEAD = 0.3
+
+_AROUND = [(r, d) for r in (-1, 0, 1) for d in (-1, 0, 1) if (r, d) != (0, 0)]
 
 
 def linked(ridges: Ridges, seed_strength: float, least_pixels: int) -> list[NDArray[np.int64]]:
@@ -47,6 +49,7 @@ def linked(ridges: Ridges, seed_strength: float, least_pixels: int) -> list[NDAr
         forward = _grown(ridges, by_pixel, taken, int(seed), ridges.direction[seed])
         backward = _grown(ridges, by_pixel, taken, int(seed), -ridges.direction[seed])
         chain = np.array([*backward[::-1], int(seed), *forward], dtype=np.int64)
+        taken[_beside(ridges, by_pixel, chain)] = True
         if len(chain) >= least_pixels:
             chains.append(index[chain])
     return chains
@@ -87,6 +90,7 @@ def _grown(
         if following is None:
             return chain
         here, heading = following
+        taken[here] = True
         chain.append(here)
 
 
@@ -97,25 +101,43 @@ def _next(
     here: int,
     heading: NDArray[np.float64],
 ) -> tuple[int, NDArray[np.float64]] | None:
-    """The neighbour ahead that continues the chain best; those beside it are used up."""
-    column, row = ridges.pixels[here]
+    """The neighbour ahead that continues the chain best, and the heading there."""
     best, best_cost = None, np.inf
-    for right in (-1, 0, 1):
-        for down in (-1, 0, 1):
-            other = by_pixel.get((int(column) + right, int(row) + down))
-            if other is None or taken[other]:
-                continue
-            step = ridges.uv[other] - ridges.uv[here]
-            forward = float(step @ heading)
-            turn = float(ridges.direction[other] @ heading)
-            ahead = right * heading[0] + down * heading[1]
-            if abs(turn) < _LEAST_COSINE or ahead < -_BESIDE:
-                continue
-            taken[other] = True
-            if ahead < _BESIDE:
-                continue
-            cost = float(np.hypot(*(step - forward * heading))) + 1.0 - abs(turn)
-            if cost < best_cost:
-                best_cost = cost
-                best = (other, ridges.direction[other] * np.sign(turn))
+    for other, right, down in _neighbours(ridges, by_pixel, here):
+        if taken[other] or right * heading[0] + down * heading[1] < _LEAST_AHEAD:
+            continue
+        turn = float(ridges.direction[other] @ heading)
+        if abs(turn) < _LEAST_COSINE:
+            continue
+        step = ridges.uv[other] - ridges.uv[here]
+        aside = step - float(step @ heading) * heading
+        cost = float(np.hypot(aside[0], aside[1])) + 1.0 - abs(turn)
+        if cost < best_cost:
+            best_cost = cost
+            best = (other, ridges.direction[other] * np.sign(turn))
     return best
+
+
+def _beside(
+    ridges: Ridges, by_pixel: dict[tuple[int, int], int], chain: NDArray[np.int64]
+) -> list[int]:
+    """Neighbours of a chain that run along it: the same line seen twice."""
+    return [
+        other
+        for here in chain
+        for other, _, _ in _neighbours(ridges, by_pixel, int(here))
+        if abs(float(ridges.direction[other] @ ridges.direction[here])) >= _LEAST_COSINE
+    ]
+
+
+def _neighbours(
+    ridges: Ridges, by_pixel: dict[tuple[int, int], int], here: int
+) -> list[tuple[int, int, int]]:
+    """Ridge pixels next to one, each with its step to the right and down."""
+    column, row = (int(c) for c in ridges.pixels[here])
+    found = []
+    for right, down in _AROUND:
+        other = by_pixel.get((column + right, row + down))
+        if other is not None:
+            found.append((other, right, down))
+    return found

@@ -47,7 +47,7 @@ class PieceOptions:
     least_length_px: float = 12.0
     least_widths: float = 6.0
     least_contrast: float = 0.08
-    least_contrast_single: float = 0.15
+    least_contrast_single: float = 0.25
 
     def __post_init__(self) -> None:
         for name, value in vars(self).items():
@@ -146,8 +146,4 @@ def _piece(light: LineLight, run: Centres, others: Array) -> LinePiece:
 
 def _clear_of(end: LineEnd, run: Centres) -> NDArray[np.bool_]:
     """Centres whose rows or columns the fall of light at the end does not touch."""
-    if not end.seen:
-        return np.ones(len(run.uv), dtype=bool)
-    oblique = np.abs(end.direction).min() / np.abs(end.direction).max()
-    clear = 2.0 * end.blur + 2.5 * float(np.median(run.width)) * oblique
-    return (run.uv - end.uv) @ end.direction <= -clear
+    return (run.uv - end.uv) @ end.direction <= -end.reach

@@ -106,9 +106,7 @@ def ridges_at(picture: Picture, scale: float, least_strength: float) -> Ridges:
         offset = distance[:, None] * across
         on_ridge = (np.abs(offset) <= _REACH_PX).all(axis=-1)
     strength = -curvature * to_strength
-    on_ridge &= (strength >= least) & (
-        np.abs(other) <= _CURVATURE_RATIO * -curvature
-    )
+    on_ridge &= (strength >= least) & (np.abs(other) <= _CURVATURE_RATIO * -curvature)
     pixels = np.stack([columns, rows], axis=-1)[on_ridge]
     return Ridges(pixels, pixels + offset[on_ridge], along[on_ridge], strength[on_ridge], scale)
 

@@ -12,13 +12,16 @@ from sheetoflight.imaging.stripe.light import LineLight
 from sheetoflight.imaging.stripe.ridges import Ridges
 
 _DIRECTION_PIXELS = 15
+_SIDE_PIXELS = 61
 _PLATEAU_ROWS = 41
 
 # A gap of 2 px, seen through defocus and pixels of together 0.76 px, leaves 0.28 of the light in
 # the two rows nearest to its middle; a wider one leaves less.
 _GAP_LIGHT = 0.35
 _GAP_ROWS = 2
-_JUMP_PX = 1.0
+
+# Where rows give way to columns the centres' distance may be this much more than a step's.
+_JUMP_PX = 2.0
 
 
 def centres_along(light: LineLight, ridges: Ridges, chain: NDArray[np.int64]) -> Centres:
@@ -82,11 +85,11 @@ def _tracks(uv: Array, pixels: NDArray[np.int64]) -> list[Track]:
     step = np.gradient(uv, axis=0) if len(uv) > 1 else np.array([[0.0, 1.0]])
     smooth = uniform_filter1d(step, min(_DIRECTION_PIXELS, len(uv)), axis=0, mode="nearest")
     steep = np.abs(smooth[:, 1]) >= np.abs(smooth[:, 0])
+    # A straight line at 45° must not change sides at every step.
+    steep = median_filter(steep, size=min(_SIDE_PIXELS, len(steep)), mode="nearest")
     switches = np.flatnonzero(np.diff(steep)) + 1
-    tracks = []
-    for run in np.split(np.arange(len(uv)), switches):
-        tracks.append(_track(uv[run], pixels[run], bool(steep[run[0]])))
-    return tracks
+    runs = np.split(np.arange(len(uv)), switches)
+    return [_track(uv[run], pixels[run], bool(steep[run[0]])) for run in runs]
 
 
 def _track(uv: Array, pixels: NDArray[np.int64], by_rows: bool) -> Track:

@@ -4,6 +4,8 @@
   const themes = {
     light: { ink: "#1d2329", grid: "#dde2e7", axis: "#98a2ad" },
     dark: { ink: "#dfe4ea", grid: "#363d45", axis: "#6d7782" },
+    // A sheet of A4 or Letter between its margins; the window may be wider.
+    paper: { ink: "#1d2329", grid: "#dde2e7", axis: "#98a2ad", width: 660 },
   };
   const dark = window.matchMedia("(prefers-color-scheme: dark)");
   // No button may send a reader's data to a service.
@@ -33,7 +35,8 @@
       hoverlabel: { align: "left" },
       margin: { l: 56, r: 12, t: 36, b: 48 },
       legend: { orientation: "h", y: 1, yanchor: "bottom", x: 0 },
-      autosize: true,
+      autosize: !theme.width,
+      width: theme.width,
     });
     if (layout.scene) {
       const scene = Object.assign({}, layout.scene);
@@ -44,8 +47,8 @@
       merged.scene = scene;
       merged.margin = { l: 0, r: 0, t: 0, b: 0 };
     } else {
-      merged.xaxis = Object.assign({}, axis, layout.xaxis);
-      merged.yaxis = Object.assign({}, axis, layout.yaxis);
+      merged.xaxis = Object.assign({ automargin: true }, axis, layout.xaxis);
+      merged.yaxis = Object.assign({ automargin: true }, axis, layout.yaxis);
     }
     return merged;
   }
@@ -102,7 +105,7 @@
     Array.from(shown).forEach(function (plot) { draw(plot, current()); });
   });
   window.addEventListener("beforeprint", function () {
-    plots.forEach(function (plot) { draw(plot, themes.light); });
+    plots.forEach(function (plot) { draw(plot, themes.paper); });
   });
   window.addEventListener("afterprint", function () {
     Array.from(shown).forEach(function (plot) { draw(plot, current()); });
