@@ -72,9 +72,7 @@ def reference_start(state: RigState) -> np.ndarray:
     e1, e2 = _sheet_axes(angles)
     pose = state.poses["plane"]
     origins = pose[:, :1] * state.frame[:, 0] + pose[:, 1:2] * state.frame[:, 1]
-    along = (
-        np.cos(pose[:, 2:]) * state.frame[:, 0] + np.sin(pose[:, 2:]) * state.frame[:, 1]
-    )
+    along = np.cos(pose[:, 2:]) * state.frame[:, 0] + np.sin(pose[:, 2:]) * state.frame[:, 1]
     lying = np.stack([origins @ e1, origins @ e2, np.arctan2(along @ e2, along @ e1)], axis=1)
     head = [camera.alpha, camera.beta, camera.u0, camera.v0, *state.anchor, *angles, distance]
     return np.concatenate([head, pivot.ravel(), lying.ravel()])
@@ -99,9 +97,7 @@ def reference_residuals(rig: Rig) -> Callable[[np.ndarray], np.ndarray]:
         q = b[:, None] + s * np.sin(psi)[:, None]
         plane_points = p[..., None] * e1 + q[..., None] * e2 + x[9] * normal
         predicted = [_projected(points, x) for points in (pivot_points, plane_points)]
-        return np.concatenate(
-            [(predicted[0] - pivoting).ravel(), (predicted[1] - lying).ravel()]
-        )
+        return np.concatenate([(predicted[0] - pivoting).ravel(), (predicted[1] - lying).ravel()])
 
     return residuals
 

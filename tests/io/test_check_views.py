@@ -79,8 +79,10 @@ def test_the_marker_off_the_line_of_four_is_named(marker: int):
 
 @pytest.mark.parametrize("u", [11.0, 60.0, 150.0, 223.0, 290.0])
 def test_of_three_markers_the_one_nearest_to_the_others_line_is_named(u: float):
+    turned = np.array([[0.6, 0.8], [-0.8, 0.6]])
+    points = np.array([(0, 0), (u, 40), (300, 0)]) @ turned.T + (100, 400)
     with pytest.raises(InputError, match=r"marker 1 lies 40.0 px off .* \(limit 30.0\) – check"):
-        check_target_views(views([(0, 0), (u, 40), (300, 0)]), "camera", SIZE)
+        check_target_views(TargetViews(("a",), points[None]), "camera", SIZE)
     check_target_views(views([(0, 0), (150, 29), (300, 0)]), "camera", SIZE)
 
 

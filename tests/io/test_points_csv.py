@@ -59,6 +59,13 @@ def test_every_observation_comes_back_exactly(
         np.testing.assert_array_equal(known_std(after), known_std(before))
 
 
+@pytest.mark.parametrize("name", ["a,b", 'say "x"', "two\nlines", "a\rb", " padded ", "'", "laser"])
+def test_any_text_is_a_view_name(tmp_path: Path, name: str):
+    before = TargetViews((name,), np.arange(6.0).reshape(1, 3, 2))
+    write_points(tmp_path / "points.csv", Observations(plane=before))
+    assert read_points(tmp_path / "points.csv", TARGET).plane.names == (name,)
+
+
 def test_a_spreadsheet_reads_what_is_written(tmp_path: Path, observations: Observations):
     write_points(tmp_path / "points.csv", observations)
     with (tmp_path / "points.csv").open(newline="") as file:

@@ -4,14 +4,21 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Any
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, Field
 
 from sheetoflight.errors import InputError
 from sheetoflight.geometry.directions import Array
 from sheetoflight.io.atomic import write_whole
+from sheetoflight.io.calibration_schema import (
+    CalibrationDocument,
+    CameraPart,
+    CovariancePart,
+    LightPlanePart,
+    TargetPart,
+    ViewPart,
+)
 from sheetoflight.io.documents import json_text, read_json
 from sheetoflight.io.quoting import one_line, shown
 from sheetoflight.io.reading import naming
@@ -19,7 +26,7 @@ from sheetoflight.io.schema import validated
 from sheetoflight.model.calibration import Calibration, Covariance, Residuals, ViewResiduals
 from sheetoflight.model.camera import Camera
 from sheetoflight.model.light_plane import LightPlane
-from sheetoflight.model.target import CollinearTarget, MarkerKind
+from sheetoflight.model.target import CollinearTarget
 
 FORMAT = "sheetoflight.calibration"
 VERSION = 1
@@ -31,74 +38,8 @@ COVARIANCE_TOLERANCE = 1e-6
 """How far, on the scale of correlations, a covariance may lie from symmetric and positive
 semi-definite: an ill-conditioned inverse is no better."""
 
-
 _ROUNDING = 1e-15
 """How far rounding alone takes a unit vector's length from 1."""
-
-
-class _Part(BaseModel):
-    """Keys that are not known are left to whoever wrote them."""
-
-    model_config = ConfigDict(extra="ignore", strict=True, allow_inf_nan=False, frozen=True)
-
-
-_Three = Annotated[list[float], Field(min_length=3, max_length=3)]
-_Two = Annotated[list[float], Field(min_length=2, max_length=2)]
-_Five = Annotated[list[float], Field(min_length=5, max_length=5)]
-_Name = Annotated[str, Field(min_length=1)]
-
-
-class _Camera(_Part):
-    image_size: Annotated[
-        list[Annotated[int, Field(ge=1, le=1_000_000)]], Field(min_length=2, max_length=2)
-    ]
-    matrix: Annotated[list[_Three], Field(min_length=3, max_length=3)]
-    distortion: _Five
-
-
-class _LightPlane(_Part):
-    name: _Name
-    normal: _Three
-    distance_mm: float
-
-
-class _Target(_Part):
-    kind: Literal["collinear"]
-    markers_mm: list[float]
-    tolerance_mm: float
-    marker: MarkerKind
-    marker_size_mm: float
-
-
-class _Covariance(_Part):
-    parameters: list[_Name]
-    matrix: list[list[float]]
-
-
-class _View(_Part):
-    stage: str
-    view: str
-    uv: list[_Two | None]
-    residuals: list[_Two | None]
-    xyz: list[_Three | None]
-
-
-class _Residuals(_Part):
-    rms_px: Annotated[float, Field(ge=0)]
-    chi2_per_dof: Annotated[float, Field(ge=0)]
-    views: list[_View]
-
-
-class _Document(_Part):
-    method: _Name
-    camera: _Camera
-    light_planes: Annotated[list[_LightPlane], Field(min_length=1)]
-    target: _Target
-    pixel_std: Annotated[float, Field(ge=0)]
-    covariance: _Covariance
-    residuals: _Residuals
-    warnings: list[str]
-    provenance: dict[str, Any]
 
 
 def calibration_text(calibration: Calibration) -> str:
@@ -176,7 +117,7 @@ def read_calibration(path: str | Path) -> Calibration:
     document = read_json(path)
     with naming(path):
         _check_format(document)
-        return _calibration(validated(_Document, document))
+        return _calibration(validated(CalibrationDocument, document))
 
 
 def _check_format(document: dict[str, Any]) -> None:
@@ -193,7 +134,7 @@ def _check_format(document: dict[str, Any]) -> None:
         )
 
 
-def _calibration(content: _Document) -> Calibration:
+def _calibration(content: CalibrationDocument) -> Calibration:
     residuals = content.residuals
     return Calibration(
         method=content.method,
@@ -212,20 +153,20 @@ def _calibration(content: _Document) -> Calibration:
     )
 
 
-def _camera(part: _Camera) -> Camera:
+def _camera(part: CameraPart) -> Camera:
     width, height = part.image_size
     with naming("camera"):
         return Camera.from_matrix((width, height), np.array(part.matrix), part.distortion)
 
 
-def _target(part: _Target) -> CollinearTarget:
+def _target(part: TargetPart) -> CollinearTarget:
     with naming("target"):
         return CollinearTarget(
             tuple(part.markers_mm), part.tolerance_mm, part.marker, part.marker_size_mm
         )
 
 
-def _light_planes(parts: list[_LightPlane]) -> tuple[LightPlane, ...]:
+def _light_planes(parts: list[LightPlanePart]) -> tuple[LightPlane, ...]:
     names = [part.name for part in parts]
     if len(set(names)) < len(names):
         raise InputError(
@@ -235,7 +176,7 @@ def _light_planes(parts: list[_LightPlane]) -> tuple[LightPlane, ...]:
     return tuple(_light_plane(part, f"light_planes[{i}]") for i, part in enumerate(parts))
 
 
-def _light_plane(part: _LightPlane, key: str) -> LightPlane:
+def _light_plane(part: LightPlanePart, key: str) -> LightPlane:
     length = float(np.linalg.norm(part.normal))
     if not abs(length - 1.0) <= UNIT_TOLERANCE:
         raise InputError(
@@ -257,7 +198,7 @@ def _keep_digits(plane: LightPlane, normal: list[float]) -> None:
     object.__setattr__(plane, "normal", exact)
 
 
-def _covariance(part: _Covariance) -> Covariance:
+def _covariance(part: CovariancePart) -> Covariance:
     names, size = part.parameters, len(part.parameters)
     if len(set(names)) < size:
         twice = next(name for name in names if names.count(name) > 1)
@@ -305,7 +246,7 @@ def _check_covariance(matrix: Array, names: list[str]) -> None:
         )
 
 
-def _view(part: _View, key: str) -> ViewResiduals:
+def _view(part: ViewPart, key: str) -> ViewResiduals:
     count = len(part.uv)
     if len(part.residuals) != count or len(part.xyz) != count:
         raise InputError(

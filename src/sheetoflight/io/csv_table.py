@@ -112,7 +112,7 @@ def table_text(columns: Sequence[str], rows: Iterable[Sequence[str | int | float
 def _cell(value: str | int | float) -> str:
     if not isinstance(value, str):
         return repr(value)
-    quotes = value.strip() != value or any(c in value for c in ',"\r\n')
+    quotes = any(c in value for c in ',"\r\n')
     return '"' + value.replace('"', '""') + '"' if quotes else value
 
 

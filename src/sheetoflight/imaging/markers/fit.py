@@ -30,6 +30,8 @@ class FitOptions:
         reaches zero there); they are dirt, dust or another edge.
     least_explained : float
         Share of the grey values' variance that the formula must explain.
+    most_std : float
+        Largest standard uncertainty of the marker's place, px; beyond it too little is seen.
     """
 
     surround: float = 1.2
@@ -37,6 +39,7 @@ class FitOptions:
     steps: int = 30
     robust_at: float = 6.0
     least_explained: float = 0.8
+    most_std: float = 0.3
 
 
 @dataclass(frozen=True)
@@ -103,6 +106,8 @@ def fitted_marker(
     variance = max(variance, picture.noise**2 * 0.25)
     centre = outline.CROSSING if quadrant else outline.OUTLINE
     covariance = variance * np.linalg.inv(information)[centre, centre]
+    if np.trace(covariance) / 2 > options.most_std**2:
+        return None
     contrast, surround = outline.contrast_of(values)
     shape = Candidate(
         candidate.centre + values[outline.OUTLINE], outline.frame_of(values), contrast, surround

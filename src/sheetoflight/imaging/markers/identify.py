@@ -33,12 +33,19 @@ class IdentifyOptions:
         Largest departure of a middle marker's size, as a share.
     """
 
-    distance: float = 0.15
+    distance: float = 0.35
     off_line: float = 0.02
-    along_line: float = 0.05
+    along_line: float = 0.1
     room_px: float = 2.0
-    quarter_rad: float = 0.2
-    size: float = 0.2
+    quarter_rad: float = 0.35
+    size: float = 0.5
+
+
+COARSE = IdentifyOptions()
+"""For candidates as they are first seen; sizes are rough, above all under the laser line."""
+
+FINE = IdentifyOptions(0.08, 0.015, 0.02, 0.5, 0.1, 0.12)
+"""For measured markers; lens distortion and uneven paper leave them not quite projective."""
 
 
 @dataclass(frozen=True)
@@ -60,7 +67,7 @@ class Match:
 def matches(
     candidates: Sequence[Candidate],
     target: CollinearTarget,
-    options: IdentifyOptions = IdentifyOptions(),
+    options: IdentifyOptions = COARSE,
 ) -> list[Match]:
     """All ways in which candidates make up the whole target, best first."""
     if len(candidates) < len(target.markers_mm):
@@ -73,7 +80,7 @@ def matches(
 def largest_part(
     candidates: Sequence[Candidate],
     target: CollinearTarget,
-    options: IdentifyOptions = IdentifyOptions(),
+    options: IdentifyOptions = COARSE,
 ) -> tuple[int, ...]:
     """The most candidates that could be markers of one target, where it is not complete."""
     if not candidates:

@@ -55,6 +55,7 @@ _BEYOND_OUTLINE = 1.15
 _WHITE_BEYOND_SHARE = 0.8
 # Foreshortening narrows the edges' angle, and blur weakens the saddle of a small marker.
 _SADDLE_SHARE = 0.25
+_RESOLVED_PX = 0.5
 
 
 def quadrant_candidates(

@@ -10,7 +10,7 @@ from sheetoflight.imaging.markers.candidate import Candidate
 from sheetoflight.imaging.markers.discs import disc_candidates
 from sheetoflight.imaging.markers.fit import MarkerFit, fitted_marker
 from sheetoflight.imaging.markers.grey import GreyPicture, grey_picture
-from sheetoflight.imaging.markers.identify import Match, largest_part, matches, spacing_error
+from sheetoflight.imaging.markers.identify import FINE, Match, largest_part, matches, spacing_error
 from sheetoflight.imaging.markers.laser_band import laser_bands
 from sheetoflight.imaging.markers.line_light import bridged
 from sheetoflight.imaging.markers.perspective import disc_centres
@@ -89,7 +89,8 @@ def _measured(
         if fit is None:
             return None
         fits.append(fit)
-    if not is_plain(strip, [f.shape for f in fits]):
+    shapes = [f.shape for f in fits]
+    if not (matches(shapes, target, FINE) and is_plain(strip, shapes)):
         return None
     return _sighting_of_quadrants(fits) if quadrant else _sighting_of_discs(fits, target)
 

@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from scipy.special import ndtr
 
 from sheetoflight.geometry.directions import Array
-from sheetoflight.imaging.stripe.noise import noise_law
+from sheetoflight.imaging.stripe.noise import noise_law, redundancies
 
 _BLUR_START_PX = 0.8
 _LIKELY_SHEAR, _MOST_SHEAR = 2.0, 6.0
@@ -94,11 +94,16 @@ def fitted_edge(window: Window, width: float, least_std: float) -> Edge | None:
     far = 3.0 + width
     low = np.array([0.0, -np.inf, 0.3 * width, -far, -_MOST_SHEAR, 0.1, *3 * [-np.inf]])
     high = np.array([np.inf, np.inf, 3.0 * width, far, _MOST_SHEAR, far, *3 * [np.inf]])
-    rough, _, _ = _least_squares(window, start, np.ones(len(window)), low, high)
+    rough, known, _ = _least_squares(window, start, np.ones(len(window)), low, high)
     model, derivatives = light_at(rough, window.s, window.t)
     lit = rough[0] * derivatives[:, 0]
-    misfit = np.where(window.full, np.minimum(model - window.samples, 0.0), model - window.samples)
-    law = noise_law(misfit, lit, 1.0 - len(rough) / len(window), least_std)
+    used = ~(window.full & (model > window.samples))
+    law = noise_law(
+        (window.samples - model)[used],
+        lit[used],
+        redundancies(derivatives[used], known),
+        least_std,
+    )
     fit, information, still = _least_squares(window, rough, 1.0 / law.std(lit), low, high)
     std = float(np.sqrt(np.linalg.pinv(information, hermitian=True)[3, 3]))
     at_limit = max(abs(fit[3]), fit[5]) > 0.99 * far

@@ -14,7 +14,7 @@ from scipy.special import erf
 
 from sheetoflight.geometry.directions import Array
 from sheetoflight.imaging.stripe.light import LineLight
-from sheetoflight.imaging.stripe.noise import noise_law
+from sheetoflight.imaging.stripe.noise import noise_law, redundancies
 
 _HALF_WIDTH = 4.0  # of the samples taken across the line, in standard deviations
 _SAMPLES = (3, 40)  # fewest and most samples on either side
@@ -218,6 +218,7 @@ def _noise(
     model, derivatives = _model(fit, np.arange(samples.shape[1], dtype=float))
     light = fit[:, :1] * derivatives[..., 0]
     used = (weights > 0) & ~(full & (model > samples))
-    residuals = (samples - model)[used]
-    freedom = 1.0 - free * len(fit) / max(residuals.size, 1)
-    return noise_law(residuals, light[used], freedom, least_std).std(light)
+    jacobian = used[..., None] * derivatives[..., :free]
+    redundancy = redundancies(jacobian, np.swapaxes(jacobian, 1, 2) @ jacobian)
+    law = noise_law((samples - model)[used], light[used], redundancy[used], least_std)
+    return law.std(light)

@@ -10,6 +10,7 @@ from sheetoflight.geometry.directions import Array
 
 _DARK_PART = 0.1
 _LEAST_SAMPLES = 20
+_LEAST_REDUNDANCY = 1e-3
 
 
 @dataclass(frozen=True)
@@ -32,7 +33,7 @@ class NoiseLaw:
         return np.sqrt(self.dark_variance + self.variance_per_level * np.maximum(light, 0.0))
 
 
-def noise_law(residuals: Array, light: Array, freedom: float, least_std: float) -> NoiseLaw:
+def noise_law(residuals: Array, light: Array, redundancy: Array, least_std: float) -> NoiseLaw:
     """The law that residuals of a fit to lit samples show.
 
     Parameters
@@ -41,16 +42,29 @@ def noise_law(residuals: Array, light: Array, freedom: float, least_std: float) 
         Sample minus model, grey levels.
     light : (N,) array
         The model's laser light in the same samples.
-    freedom : float
-        Degrees of freedom of the fit as a part of N.
+    redundancy : (N,) array
+        Part of each sample's variance that the fit has left in its residual: 1 minus its
+        leverage. A fit to a narrow line follows its few bright samples and little else.
     least_std : float
         What rounding to whole grey levels alone gives, grey levels.
     """
-    squares = residuals**2 / max(freedom, 0.1)
     bright = light > _DARK_PART * light.max(initial=0.0)
     least = least_std**2
     if (~bright).sum() < _LEAST_SAMPLES or bright.sum() < _LEAST_SAMPLES:
-        return NoiseLaw(max(float(np.mean(squares)), least), 0.0)
-    dark = max(float(np.mean(squares[~bright])), least)
-    growth = float(np.mean(squares[bright]) - dark) / float(np.mean(light[bright]))
-    return NoiseLaw(dark, max(growth, 0.0))
+        return NoiseLaw(max(_variance(residuals, redundancy), least), 0.0)
+    dark = max(_variance(residuals[~bright], redundancy[~bright]), least)
+    excess = _variance(residuals[bright], redundancy[bright]) - dark
+    # Samples count by their redundancy in the mean variance, so they do in the mean light.
+    mean_light = float(np.average(light[bright], weights=redundancy[bright]))
+    return NoiseLaw(dark, max(excess / mean_light, 0.0))
+
+
+def redundancies(jacobian: Array, information: Array) -> Array:
+    """Redundancy ``(..., N)`` of samples from ``(..., N, P)`` derivatives that were fitted with
+    weight one, and their information matrix ``(..., P, P)``."""
+    leverage = np.sum((jacobian @ np.linalg.pinv(information, hermitian=True)) * jacobian, axis=-1)
+    return np.clip(1.0 - leverage, _LEAST_REDUNDANCY, 1.0)
+
+
+def _variance(residuals: Array, redundancy: Array) -> float:
+    return float(np.sum(residuals**2) / max(np.sum(redundancy), _LEAST_REDUNDANCY))

@@ -23,6 +23,9 @@ _REACH_PX = 0.7
 # At a line's pixel the curvature along the line is small; a blob or a saddle has two large ones.
 _CURVATURE_RATIO = 0.5
 
+# Beside a line, this many scales away, the smooth light has fallen by 0.4 to 0.8 of the strength.
+_SIDE_SCALES, _LEAST_FALL = 2.5, 0.2
+
 # How far a line must stand out from its surroundings, in standard deviations of their answer,
 # and the size of the surroundings.
 _LEAST_OVER_TEXTURE = 4.0
@@ -107,8 +110,33 @@ def ridges_at(picture: Picture, scale: float, least_strength: float) -> Ridges:
         on_ridge = (np.abs(offset) <= _REACH_PX).all(axis=-1)
     strength = -curvature * to_strength
     on_ridge &= (strength >= least) & (np.abs(other) <= _CURVATURE_RATIO * -curvature)
+    on_ridge[on_ridge] = _falls_on_both_sides(
+        smooth, rows[on_ridge], columns[on_ridge], across[on_ridge], strength[on_ridge], scale
+    )
     pixels = np.stack([columns, rows], axis=-1)[on_ridge]
     return Ridges(pixels, pixels + offset[on_ridge], along[on_ridge], strength[on_ridge], scale)
+
+
+def _falls_on_both_sides(
+    smooth: Picture,
+    rows: NDArray[np.int64],
+    columns: NDArray[np.int64],
+    across: Array,
+    strength: Array,
+    scale: float,
+) -> NDArray[np.bool_]:
+    """Whether the light falls on both sides of pixels ``(N,)``.
+
+    On the shoulder of a step, too, the first derivative is small and the second negative.
+    """
+    height, width = smooth.shape
+    falls = np.ones(len(rows), dtype=bool)
+    for side in (-_SIDE_SCALES * scale, _SIDE_SCALES * scale):
+        beside_columns = np.clip(np.rint(columns + side * across[:, 0]), 0, width - 1)
+        beside_rows = np.clip(np.rint(rows + side * across[:, 1]), 0, height - 1)
+        beside = smooth[beside_rows.astype(np.int64), beside_columns.astype(np.int64)]
+        falls &= smooth[rows, columns] - beside >= _LEAST_FALL * strength
+    return falls
 
 
 def _texture(

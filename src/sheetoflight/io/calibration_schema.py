@@ -1,0 +1,88 @@
+"""The tables of ``calibration.json``: which keys there are, and what each may hold."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any, Literal
+
+from pydantic import BaseModel, ConfigDict, Field
+
+from sheetoflight.model.target import MarkerKind
+
+
+class _Part(BaseModel):
+    """Keys that are not known are left to whoever wrote them."""
+
+    model_config = ConfigDict(extra="ignore", strict=True, allow_inf_nan=False, frozen=True)
+
+
+_Three = Annotated[list[float], Field(min_length=3, max_length=3)]
+_Two = Annotated[list[float], Field(min_length=2, max_length=2)]
+_Five = Annotated[list[float], Field(min_length=5, max_length=5)]
+_Name = Annotated[str, Field(min_length=1)]
+
+
+class CameraPart(_Part):
+    """``camera``: image size, K row by row, and Brown's coefficients."""
+
+    image_size: Annotated[
+        list[Annotated[int, Field(ge=1, le=1_000_000)]], Field(min_length=2, max_length=2)
+    ]
+    matrix: Annotated[list[_Three], Field(min_length=3, max_length=3)]
+    distortion: _Five
+
+
+class LightPlanePart(_Part):
+    """An entry of ``light_planes``: ``n · X = d``."""
+
+    name: _Name
+    normal: _Three
+    distance_mm: float
+
+
+class TargetPart(_Part):
+    """``target``: what gave the scale."""
+
+    kind: Literal["collinear"]
+    markers_mm: list[float]
+    tolerance_mm: float
+    marker: MarkerKind
+    marker_size_mm: float
+
+
+class CovariancePart(_Part):
+    """``covariance``: a row and a column for each of ``parameters``."""
+
+    parameters: list[_Name]
+    matrix: list[list[float]]
+
+
+class ViewPart(_Part):
+    """An entry of ``residuals.views``: a row for each marker, null where it was not seen."""
+
+    stage: str
+    view: str
+    uv: list[_Two | None]
+    residuals: list[_Two | None]
+    xyz: list[_Three | None]
+
+
+class ResidualsPart(_Part):
+    """``residuals``: how the observations fit."""
+
+    rms_px: Annotated[float, Field(ge=0)]
+    chi2_per_dof: Annotated[float, Field(ge=0)]
+    views: list[ViewPart]
+
+
+class CalibrationDocument(_Part):
+    """The whole file, its ``format`` and ``version`` checked before."""
+
+    method: _Name
+    camera: CameraPart
+    light_planes: Annotated[list[LightPlanePart], Field(min_length=1)]
+    target: TargetPart
+    pixel_std: Annotated[float, Field(ge=0)]
+    covariance: CovariancePart
+    residuals: ResidualsPart
+    warnings: list[str]
+    provenance: dict[str, Any]
