@@ -181,8 +181,7 @@ def _second_plane(document: dict[str, Any]) -> None:
         (_drop("version"), "version is missing, expected 1"),
         (_drop("camera"), "'camera' is missing"),
         (_drop("camera", "matrix"), "camera: 'matrix' is missing"),
-        (_drop("target"), "'target' is missing"),
-        (_drop("pixel_std"), "'pixel_std' is missing"),
+        (_drop("target", "markers_mm"), "target: 'markers_mm' is missing"),
         (_set("method", to=7), "method is 7, expected text in quotes"),
         (_set("camera", "matrix", 0, 1, to="x"), r"camera.matrix\[0\]\[1\] is 'x', expected a num"),
         (_set("camera", "matrix", 0, to=[1, 2]), r"camera.matrix\[0\] is a list of 2, expected 3 "),
@@ -267,3 +266,19 @@ def test_a_file_cut_short_is_no_calibration(tmp_path: Path, calibration: Calibra
         (tmp_path / "c.json").write_text(text[:length])
         with pytest.raises(FileError, match=r"c.json (is empty|line \d+ column \d+ is not JSON)"):
             read_calibration(tmp_path / "c.json")
+
+
+def test_a_file_with_the_documented_keys_alone_is_read(
+    tmp_path: Path, calibration: Calibration
+) -> None:
+    document = json.loads(calibration_text(calibration))
+    for key in ("target", "pixel_std", "warnings"):
+        del document[key]
+    document["residuals"]["views"] = [{"view": "07", "rms_px": 0.1}]
+    (tmp_path / "c.json").write_text(json.dumps(document))
+    again = read_calibration(tmp_path / "c.json")
+    assert again.camera == calibration.camera
+    assert again.pixel_std == calibration.residuals.rms_px
+    assert again.target is None
+    write_calibration(tmp_path / "d.json", again)
+    assert read_calibration(tmp_path / "d.json").target is None

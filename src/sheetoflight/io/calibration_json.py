@@ -38,9 +38,6 @@ COVARIANCE_TOLERANCE = 1e-6
 """How far, on the scale of correlations, a covariance may lie from symmetric and positive
 semi-definite: an ill-conditioned inverse is no better."""
 
-_ROUNDING = 1e-15
-"""How far rounding alone takes a unit vector's length from 1."""
-
 
 def calibration_text(calibration: Calibration) -> str:
     """A calibration as JSON text; the same calibration gives the same text.
@@ -65,13 +62,7 @@ def calibration_text(calibration: Calibration) -> str:
                 {"name": plane.name, "normal": plane.normal, "distance_mm": plane.distance_mm}
                 for plane in calibration.light_planes
             ],
-            "target": {
-                "kind": "collinear",
-                "markers_mm": target.markers_mm,
-                "tolerance_mm": target.tolerance_mm,
-                "marker": target.marker,
-                "marker_size_mm": target.marker_size_mm,
-            },
+            **({"target": _target_document(target)} if target else {}),
             "pixel_std": calibration.pixel_std,
             "covariance": {
                 "parameters": calibration.covariance.parameters,
@@ -146,8 +137,8 @@ def _calibration(content: CalibrationDocument) -> Calibration:
             residuals.chi2_per_dof,
             tuple(_view(view, f"residuals.views[{i}]") for i, view in enumerate(residuals.views)),
         ),
-        target=_target(content.target),
-        pixel_std=content.pixel_std,
+        target=_target(content.target) if content.target else None,
+        pixel_std=residuals.rms_px if content.pixel_std is None else content.pixel_std,
         warnings=tuple(content.warnings),
         provenance=content.provenance,
     )
@@ -157,6 +148,16 @@ def _camera(part: CameraPart) -> Camera:
     width, height = part.image_size
     with naming("camera"):
         return Camera.from_matrix((width, height), np.array(part.matrix), part.distortion)
+
+
+def _target_document(target: CollinearTarget) -> dict[str, Any]:
+    return {
+        "kind": "collinear",
+        "markers_mm": target.markers_mm,
+        "tolerance_mm": target.tolerance_mm,
+        "marker": target.marker,
+        "marker_size_mm": target.marker_size_mm,
+    }
 
 
 def _target(part: TargetPart) -> CollinearTarget:
@@ -184,18 +185,7 @@ def _light_plane(part: LightPlanePart, key: str) -> LightPlane:
             "divide the normal by its length; distance_mm is measured along it in mm",
         )
     with naming(key):
-        plane = LightPlane(np.array(part.normal), part.distance_mm, part.name)
-    if abs(length - 1.0) <= _ROUNDING:
-        _keep_digits(plane, part.normal)
-    return plane
-
-
-def _keep_digits(plane: LightPlane, normal: list[float]) -> None:
-    """Undo the scaling to length one of a normal that had it already but for rounding, so that
-    what was written comes back to the last digit."""
-    exact = np.array(normal)
-    exact.setflags(write=False)
-    object.__setattr__(plane, "normal", exact)
+        return LightPlane(np.array(part.normal), part.distance_mm, part.name)
 
 
 def _covariance(part: CovariancePart) -> Covariance:

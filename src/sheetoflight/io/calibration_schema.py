@@ -59,11 +59,11 @@ class CovariancePart(_Part):
 class ViewPart(_Part):
     """An entry of ``residuals.views``: a row for each marker, null where it was not seen."""
 
-    stage: str
-    view: str
-    uv: list[_Two | None]
-    residuals: list[_Two | None]
-    xyz: list[_Three | None]
+    stage: str = ""
+    view: str = ""
+    uv: list[_Two | None] = []
+    residuals: list[_Two | None] = []
+    xyz: list[_Three | None] = []
 
 
 class ResidualsPart(_Part):
@@ -71,18 +71,22 @@ class ResidualsPart(_Part):
 
     rms_px: Annotated[float, Field(ge=0)]
     chi2_per_dof: Annotated[float, Field(ge=0)]
-    views: list[ViewPart]
+    views: list[ViewPart] = []
 
 
 class CalibrationDocument(_Part):
-    """The whole file, its ``format`` and ``version`` checked before."""
+    """The whole file, its ``format`` and ``version`` checked before.
+
+    What this package writes beyond the documented keys may be missing: ``target`` (then its
+    tolerance is not in the uncertainty), ``pixel_std`` (then ``rms_px``) and ``warnings``.
+    """
 
     method: _Name
     camera: CameraPart
     light_planes: Annotated[list[LightPlanePart], Field(min_length=1)]
-    target: TargetPart
-    pixel_std: Annotated[float, Field(ge=0)]
+    target: TargetPart | None = None
+    pixel_std: Annotated[float, Field(ge=0)] | None = None
     covariance: CovariancePart
     residuals: ResidualsPart
-    warnings: list[str]
-    provenance: dict[str, Any]
+    warnings: list[str] = []
+    provenance: dict[str, Any] = {}

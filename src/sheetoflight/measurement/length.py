@@ -107,12 +107,13 @@ def lengths(
     by_parameter = (change @ points.by_parameter.reshape(-1, 2, 3, 14))[:, :, 0].sum(axis=1)
 
     covariance = calibration.covariance.block(parameter_names(calibration.light_plane))
+    scale_std = calibration.target.relative_tolerance if calibration.target else 0.0
     sources = {
         "calibration": np.sqrt(
             np.maximum(np.einsum("ni,ij,nj->n", by_parameter, covariance, by_parameter), 0.0)
         ),
         "image points": np.sqrt(np.sum((by_pixel * noise[..., None]) ** 2, axis=(1, 2))),
-        "target length": values * calibration.target.relative_tolerance,
+        "target length": values * scale_std,
     }
     return [
         Length(

@@ -113,8 +113,8 @@ class Calibration:
     light_planes : tuple of LightPlane
     covariance : Covariance
     residuals : Residuals
-    target : CollinearTarget
-        What gave the scale.
+    target : CollinearTarget, optional
+        What gave the scale; its tolerance is part of every length's uncertainty.
     pixel_std : float
         Standard uncertainty of a marker's image coordinate, px, given or estimated.
     warnings : tuple of str
@@ -128,7 +128,7 @@ class Calibration:
     light_planes: tuple[LightPlane, ...]
     covariance: Covariance
     residuals: Residuals
-    target: CollinearTarget
+    target: CollinearTarget | None
     pixel_std: float
     warnings: tuple[str, ...] = ()
     provenance: Mapping[str, Any] = field(default_factory=dict)

@@ -12,6 +12,10 @@ from sheetoflight.geometry.directions import Array
 from sheetoflight.geometry.planes import ray_depths
 
 
+_ROUNDING = 1e-15
+"""How far rounding alone takes a unit vector's length from 1."""
+
+
 @dataclass(frozen=True)
 class LightPlane:
     """A sheet of light ``n · X = d`` in the camera frame.
@@ -55,7 +59,8 @@ class LightPlane:
                 "the camera's centre cannot be measured with",
                 "give a distance above zero and turn the normal to point away from the camera",
             )
-        normal = normal / length
+        if abs(length - 1.0) > _ROUNDING:  # else keep every digit that was given
+            normal = normal / length
         normal.setflags(write=False)
         object.__setattr__(self, "normal", normal)
         object.__setattr__(self, "distance_mm", float(self.distance_mm))

@@ -119,4 +119,4 @@ def random_strip(rng: np.random.Generator, centre: float = 110.0, **changes: obj
         amplitude=float(rng.uniform(100.0, 150.0)),
         shear=(float(rng.uniform(-0.6, 0.6)), float(rng.uniform(-0.6, 0.6))),
     )
-    return replace(strip, **changes)  # pyright: ignore[reportArgumentType] – names of fields
+    return replace(strip, **changes)

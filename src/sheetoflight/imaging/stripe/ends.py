@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from sheetoflight.geometry.directions import Array
 from sheetoflight.geometry.lines import fitted_line
 from sheetoflight.imaging.stripe.edge import Window, fitted_edge
-from sheetoflight.imaging.stripe.gaussian import Centres
+from sheetoflight.imaging.stripe.centres import Centres
 from sheetoflight.imaging.stripe.light import LineLight
 
 _CURVE_PX = 120.0

@@ -6,13 +6,12 @@ centre, from the picture's own samples: nothing is interpolated.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 from numpy.typing import NDArray
 from scipy.special import erf
 
 from sheetoflight.geometry.directions import Array
+from sheetoflight.imaging.stripe.centres import Centres, Track
 from sheetoflight.imaging.stripe.light import LineLight
 from sheetoflight.imaging.stripe.noise import noise_law, redundancies
 
@@ -22,56 +21,6 @@ _STEPS = 20
 _CONVERGED_PX = 1e-3
 _FIRST_DAMPING = 1e-3
 _WIDTHS = (0.3, 14.0)  # standard deviations that count as a line, px
-
-
-@dataclass(frozen=True)
-class Track:
-    """Where to look: one row or column after another, with a rough centre for each.
-
-    Parameters
-    ----------
-    along : (N,) int array
-        The rows (columns) of the picture.
-    across : (N,) array
-        Rough centre in each, px.
-    by_rows : bool
-        Whether `along` counts rows and `across` columns, or the other way round.
-    slope : (N,) array
-        Change of `across` from one to the next.
-    """
-
-    along: NDArray[np.int64]
-    across: Array
-    by_rows: bool
-    slope: Array
-
-
-@dataclass(frozen=True)
-class Centres:
-    """Gaussians fitted along a track; arrays ``(N,)`` of one value for each centre.
-
-    Parameters
-    ----------
-    uv : (N, 2) array
-        Centres, px.
-    std : (N,) array
-        Standard uncertainty of each centre across the line, px.
-    width : (N,) array
-        Standard deviation of the line's profile across the line, px.
-    amplitude : (N,) array
-        Height of the line over its surroundings, grey levels.
-    amplitude_std : (N,) array
-        Standard uncertainty of the amplitude.
-    good : (N,) bool array
-        Whether the fit came to rest at a line.
-    """
-
-    uv: Array
-    std: Array
-    width: Array
-    amplitude: Array
-    amplitude_std: Array
-    good: NDArray[np.bool_]
 
 
 def fitted_centres(light: LineLight, track: Track, width: float) -> Centres:

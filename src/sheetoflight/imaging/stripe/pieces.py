@@ -11,14 +11,16 @@ from numpy.typing import NDArray
 from sheetoflight.errors import InputError
 from sheetoflight.geometry.directions import Array
 from sheetoflight.imaging.stripe.ends import LineEnd, line_end
-from sheetoflight.imaging.stripe.gaussian import Centres
+from sheetoflight.imaging.stripe.centres import Centres
 from sheetoflight.imaging.stripe.light import LineLight, line_light
 from sheetoflight.imaging.stripe.linking import linked
 from sheetoflight.imaging.stripe.ridges import ridges
-from sheetoflight.imaging.stripe.tracks import centres_along, taken, unbroken
+from sheetoflight.imaging.stripe.tracks import centres_along, unbroken
 from sheetoflight.model.line_piece import LinePiece
 
 _LEAST_CENTRES = 5
+_LEAST_PICTURE_PX = 8
+_BRIGHT_QUANTILE = 0.98
 
 
 @dataclass(frozen=True)
@@ -74,8 +76,9 @@ def line_pieces(
     -------
     tuple of LinePiece
         From top to bottom, then from left to right of the first end. The first end is the upper
-        one of a steep piece, the left one of a flat one. Where the piece leaves the picture the
-        end is its last centre and the end's `std` is NaN.
+        one of a steep piece, the left one of a flat one. Where no clear edge ends the piece (it
+        leaves the picture, fades, or goes on round a sharp bend) the end is where its light
+        was last followed to, the end's standard uncertainty is NaN, and the piece is not whole.
 
     Raises
     ------
@@ -92,26 +95,24 @@ def line_pieces(
 
 def _runs(light: LineLight, options: PieceOptions) -> list[Centres]:
     """Unbroken runs of centres that are long and bright enough."""
-    if min(light.picture.shape) < 8:
+    if min(light.picture.shape) < _LEAST_PICTURE_PX or light.noise_std == 0.0:
         return []
     least = options.least_snr * light.noise_std
-    if least == 0.0:
-        return []
     found = ridges(light.picture, least)
     if len(found) == 0:
         return []
     part = options.least_contrast if light.differenced else options.least_contrast_single
-    brightest = float(np.quantile(found.strength, 0.98))
-    seed = max(options.seed_snr * light.noise_std, part * brightest)
-    found = found.taken(found.strength >= max(least, 0.5 * part * brightest))
+    contrast = part * float(np.quantile(found.strength, _BRIGHT_QUANTILE))
+    seed = max(options.seed_snr * light.noise_std, contrast)
+    # A piece may fade to half of what it must reach somewhere.
+    found = found.taken(found.strength >= max(least, contrast / 2.0))
     chains = linked(found, seed, int(options.least_length_px) // 2)
-    runs = [
+    return [
         run
         for chain in chains
-        for run in unbroken(centres_along(light, found, chain), 0.5 * seed)
+        for run in unbroken(centres_along(light, found, chain), seed / 2.0)
         if np.median(run.amplitude) >= seed and _is_long_enough(run, options)
     ]
-    return runs
 
 
 def _is_long_enough(run: Centres, options: PieceOptions) -> bool:
@@ -123,7 +124,7 @@ def _is_long_enough(run: Centres, options: PieceOptions) -> bool:
 def _in_reading_order(run: Centres) -> Centres:
     du, dv = run.uv[-1] - run.uv[0]
     backwards = dv < 0 if abs(dv) >= abs(du) else du < 0
-    return taken(run, slice(None, None, -1)) if backwards else run
+    return run.taken(slice(None, None, -1)) if backwards else run
 
 
 def _all_but(runs: list[Centres], index: int) -> Array:
@@ -133,7 +134,7 @@ def _all_but(runs: list[Centres], index: int) -> Array:
 
 def _piece(light: LineLight, run: Centres, others: Array) -> LinePiece:
     last = line_end(light, run, others)
-    first = line_end(light, taken(run, slice(None, None, -1)), others)
+    first = line_end(light, run.taken(slice(None, None, -1)), others)
     inner = _clear_of(first, run) & _clear_of(last, run)
     return LinePiece(
         uv=run.uv[inner],

@@ -91,11 +91,13 @@ def ridges(picture: Picture, least_strength: float) -> Ridges:
 
 def ridges_at(picture: Picture, scale: float, least_strength: float) -> Ridges:
     """Ridge pixels at one smoothing `scale` in px; see `ridges`."""
-    smooth = cv2.GaussianBlur(picture, (0, 0), scale, borderType=cv2.BORDER_REFLECT_101)
+    smooth = np.asarray(
+        cv2.GaussianBlur(picture, (0, 0), scale, borderType=cv2.BORDER_REFLECT_101), np.float32
+    )
     # A line of standard deviation `scale` and amplitude A has the second derivative
     # A / (2 sqrt(2) scale²) across it after smoothing.
     to_strength = 2.0 * np.sqrt(2.0) * scale**2
-    answer = cv2.Laplacian(smooth, cv2.CV_32F, ksize=1) * np.float32(-to_strength)
+    answer = np.asarray(cv2.Laplacian(smooth, cv2.CV_32F, ksize=1), np.float32) * -to_strength
     rows, columns = np.nonzero(answer[1:-1, 1:-1] >= (1.0 - _CURVATURE_RATIO) * least_strength)
     rows, columns = rows + 1, columns + 1
     texture = _texture(answer, scale, rows, columns)

@@ -7,7 +7,8 @@ from numpy.typing import NDArray
 from scipy.ndimage import median_filter, uniform_filter1d
 
 from sheetoflight.geometry.directions import Array
-from sheetoflight.imaging.stripe.gaussian import Centres, Track, fitted_centres
+from sheetoflight.imaging.stripe.centres import Centres, Track, joined
+from sheetoflight.imaging.stripe.gaussian import fitted_centres
 from sheetoflight.imaging.stripe.light import LineLight
 from sheetoflight.imaging.stripe.ridges import Ridges
 
@@ -33,30 +34,6 @@ def centres_along(light: LineLight, ridges: Ridges, chain: NDArray[np.int64]) ->
     return joined(parts)
 
 
-def joined(parts: list[Centres]) -> Centres:
-    """Several runs of centres, one after another."""
-    return Centres(
-        uv=np.concatenate([p.uv for p in parts]),
-        std=np.concatenate([p.std for p in parts]),
-        width=np.concatenate([p.width for p in parts]),
-        amplitude=np.concatenate([p.amplitude for p in parts]),
-        amplitude_std=np.concatenate([p.amplitude_std for p in parts]),
-        good=np.concatenate([p.good for p in parts]),
-    )
-
-
-def taken(centres: Centres, index: NDArray[np.int64] | NDArray[np.bool_] | slice) -> Centres:
-    """Some of the centres."""
-    return Centres(
-        uv=centres.uv[index],
-        std=centres.std[index],
-        width=centres.width[index],
-        amplitude=centres.amplitude[index],
-        amplitude_std=centres.amplitude_std[index],
-        good=centres.good[index],
-    )
-
-
 def unbroken(centres: Centres, least_amplitude: float) -> list[Centres]:
     """Runs of good centres, split where the light goes out or the line jumps aside."""
     bright = centres.good & (centres.amplitude > least_amplitude)
@@ -70,7 +47,7 @@ def unbroken(centres: Centres, least_amplitude: float) -> list[Centres]:
     # From one row to the next a line of up to 45° moves by √2 at most.
     broken = (step > _GAP_ROWS) | (moved > np.sqrt(2.0) * step + _JUMP_PX)
     runs = np.split(index, np.flatnonzero(broken) + 1)
-    return [taken(centres, run) for run in runs]
+    return [centres.taken(run) for run in runs]
 
 
 def _plateau(amplitude: Array, bright: NDArray[np.bool_]) -> Array:

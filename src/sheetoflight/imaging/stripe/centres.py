@@ -1,0 +1,77 @@
+"""Where to look for centres of the line, and what was found there."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sheetoflight.geometry.directions import Array
+
+
+@dataclass(frozen=True)
+class Track:
+    """Where to look: one row or column after another, with a rough centre for each.
+
+    Parameters
+    ----------
+    along : (N,) int array
+        The rows (columns) of the picture.
+    across : (N,) array
+        Rough centre in each, px.
+    by_rows : bool
+        Whether `along` counts rows and `across` columns, or the other way round.
+    slope : (N,) array
+        Change of `across` from one to the next.
+    """
+
+    along: NDArray[np.int64]
+    across: Array
+    by_rows: bool
+    slope: Array
+
+
+@dataclass(frozen=True)
+class Centres:
+    """What a detector found along a track; arrays ``(N,)`` of one value for each centre.
+
+    Parameters
+    ----------
+    uv : (N, 2) array
+        Centres, px.
+    std : (N,) array
+        Standard uncertainty of each centre across the line, px.
+    width : (N,) array
+        Standard deviation of the line's profile across the line, px.
+    amplitude : (N,) array
+        Height of the line over its surroundings, grey levels.
+    amplitude_std : (N,) array
+        Standard uncertainty of the amplitude.
+    good : (N,) bool array
+        Whether the fit came to rest at a line.
+    """
+
+    uv: Array
+    std: Array
+    width: Array
+    amplitude: Array
+    amplitude_std: Array
+    good: NDArray[np.bool_]
+
+    def __len__(self) -> int:
+        return len(self.uv)
+
+    def taken(self, index: NDArray[np.int64] | NDArray[np.bool_] | slice) -> Centres:
+        """Some of the centres."""
+        return Centres(**{one.name: getattr(self, one.name)[index] for one in fields(self)})
+
+
+def joined(parts: list[Centres]) -> Centres:
+    """Several runs of centres, one after another."""
+    return Centres(
+        **{
+            one.name: np.concatenate([getattr(part, one.name) for part in parts])
+            for one in fields(Centres)
+        }
+    )
