@@ -8,8 +8,10 @@ alone. Run with ``python -m bench.line_ends [BARS_OF_EACH_LENGTH]``.
 from __future__ import annotations
 
 import sys
+import time
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from rich.console import Console
@@ -17,6 +19,7 @@ from rich.table import Table
 
 from sheetoflight.geometry.directions import Array
 from sheetoflight.imaging.stripe.pieces import line_pieces
+from sheetoflight.model.line_piece import LinePiece
 from sheetoflight.simulation.rig import SimulatedRig, paper_rig
 from sheetoflight.simulation.views import ViewOptions, picture_tasks, render_task
 
@@ -27,13 +30,14 @@ SEED = 2
 @dataclass(frozen=True)
 class BarErrors:
     """Errors of one bar: `along` (outwards) and `across` ``(2,)`` in px with the stated `std`,
-    and of its length in mm."""
+    and of its length in mm; and how long finding it took."""
 
     length_mm: float
     along: Array
     across: Array
     std: Array
     length_error_mm: float
+    seconds: float
 
 
 def measured_bars(
@@ -46,17 +50,21 @@ def measured_bars(
     tasks = picture_tasks(rig, 0, 0, lengths_mm, options, seed)
     errors = []
     for off, on in zip(tasks[::2], tasks[1::2], strict=True):
-        pieces = line_pieces(render_task(on).image, render_task(off).image)
+        images = render_task(on).image, render_task(off).image
+        start = time.perf_counter()
+        pieces = line_pieces(*images)
+        seconds = time.perf_counter() - start
         whole = [piece for piece in pieces if piece.whole]
         longest = max(whole, key=len, default=None)
-        found = None if longest is None else (longest.ends, longest.ends_std)
-        errors.append(None if found is None else bar_errors(rig, on.truth, *found))
+        errors.append(None if longest is None else bar_errors(rig, on.truth, longest, seconds))
     return errors
 
 
-def bar_errors(rig: SimulatedRig, truth: dict, ends: Array, std: Array) -> BarErrors | None:
-    """Errors of found ends; None where they are no ends of this bar."""
-    true = np.array(truth["ends_uv"])
+def bar_errors(
+    rig: SimulatedRig, truth: dict[str, Any], piece: LinePiece, seconds: float
+) -> BarErrors | None:
+    """Errors of a piece's ends; None where they are no ends of this bar."""
+    true, ends, std = np.array(truth["ends_uv"]), piece.ends, piece.ends_std
     if np.linalg.norm(ends[0] - true[0]) > np.linalg.norm(ends[1] - true[0]):
         ends, std = ends[::-1], std[::-1]
     if np.abs(ends - true).max() > 2.0:
@@ -70,6 +78,7 @@ def bar_errors(rig: SimulatedRig, truth: dict, ends: Array, std: Array) -> BarEr
         across=(ends - true) @ across,
         std=std,
         length_error_mm=float(np.linalg.norm(xyz[1] - xyz[0])) - truth["length_mm"],
+        seconds=seconds,
     )
 
 
@@ -89,6 +98,7 @@ def row(name: str, bars: list[BarErrors]) -> list[str]:
         f"{across.std():.4f}",
         f"{lengths.mean():+.4f}",
         f"{np.mean(np.abs(lengths)):.4f}",
+        f"{np.mean([bar.seconds for bar in bars]):.2f}",
     ]
 
 
@@ -100,6 +110,7 @@ def main() -> None:
     table = Table(
         "length mm", "bars", "bias px", "std px", "median px", "error / stated",
         "across: bias px", "std px", "length: mean mm", "mean absolute mm",
+        "seconds a pair",
         title=f"Ends of {len(found)} of {len(lengths)} rendered bars (true camera and sheet)",
     )  # fmt: skip
     for length in LENGTHS_MM:
@@ -107,7 +118,7 @@ def main() -> None:
         if bars:
             table.add_row(*row(f"{length:g}", bars))
     table.add_row(*row("all", found))
-    Console(width=160).print(table)
+    Console(width=170).print(table)
 
 
 if __name__ == "__main__":

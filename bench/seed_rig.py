@@ -2,7 +2,8 @@
 
 Mean absolute error in mm of random 150 and 450 mm segments in the sheet, their image points
 free of noise, by method; beside it what the calibrations' own covariances predict, which for
-``joint`` is the Cramér–Rao bound, and the figures promised. Run with ``python -m bench.seed_rig [TRIALS]``.
+``joint`` is the Cramér–Rao bound, and the figures promised. Run with
+``python -m bench.seed_rig [TRIALS]``.
 """
 
 from __future__ import annotations
@@ -27,7 +28,7 @@ SEED = 2024
 
 @dataclass(frozen=True)
 class Case:
-    """Positions in the sheet, noise, lens; and what method.md promises for the methods."""
+    """Positions in the sheet, noise, lens; and the figures promised for the methods."""
 
     name: str
     positions: int
@@ -57,8 +58,8 @@ def errors_and_predictions(
     case: Case, method: str, trials: int, seed: int = SEED
 ) -> tuple[np.ndarray, np.ndarray]:
     """Errors, and the standard uncertainties that the calibrations state for them, in mm."""
-    coefficients = (-0.1, 0.05, 0.0, 0.0, 0.0) if case.distortion != "none" else (0.0,) * 5
-    truth = paper_rig(coefficients)
+    k1, k2 = (-0.1, 0.05) if case.distortion != "none" else (0.0, 0.0)
+    truth = paper_rig((k1, k2, 0.0, 0.0, 0.0))
     errors = np.empty((trials, len(LENGTHS_MM), SEGMENTS))
     stated = np.empty_like(errors)
     for trial in range(trials):
@@ -81,7 +82,7 @@ def main(trials: int = 100) -> None:
         table.add_column(heading)
     for length_mm in LENGTHS_MM:
         for heading in ("found", "predicted", "promised"):
-            table.add_column(f"{length_mm:.0f} mm {heading}", justify="right")
+            table.add_column(f"{length_mm:.0f} mm\n{heading}", justify="right")
     for case in CASES:
         for method, promised in case.promised.items():
             errors, stated = errors_and_predictions(case, method, trials)
@@ -89,7 +90,7 @@ def main(trials: int = 100) -> None:
             predicted = np.sqrt(2 / np.pi) * stated.mean(axis=(0, 2))
             figures = np.stack([found, predicted, promised], axis=1).ravel()
             table.add_row(case.name, method, *(f"{figure:.3f}" for figure in figures))
-    Console(width=120).print(table)
+    Console(width=130).print(table)
 
 
 if __name__ == "__main__":

@@ -54,7 +54,7 @@ def starting_state(rig: Rig) -> RigState:
 
 
 def joint(rig: Rig, start: RigState) -> RigState:
-    """This package's adjustment."""
+    """The adjustment of this package."""
     noise = noise_model(rig.observations.stages(), rig.pixel_std)
     return joint_stage(start, rig, noise).state
 

@@ -54,7 +54,7 @@ _HOMES = {
     "load_rig": "workflow.rig_folder",
 }
 
-__all__ = ["__version__", *_HOMES]  # noqa: PLE0604 – the keys are the names
+__all__ = ["__version__", *_HOMES]  # noqa: PLE0604  # pyright: ignore[reportUnsupportedDunderAll] – the keys are the names
 
 
 def __getattr__(name: str) -> object:

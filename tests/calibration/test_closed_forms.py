@@ -25,7 +25,9 @@ def test_the_pivoting_target_gives_the_camera_exactly(
     truth = paper_rig(target=CollinearTarget(positions))
     rng = np.random.default_rng(seed)
     directions = pivot_poses(truth, 12, rng)[1]
-    points = target_points(*pivot_poses(truth, 12, np.random.default_rng(seed)), truth.target.positions)
+    points = target_points(
+        *pivot_poses(truth, 12, np.random.default_rng(seed)), truth.target.positions
+    )
     start = pivot_starts(
         truth.camera.project(points), truth.target.positions, truth.camera.image_size, skew
     )[0]
@@ -36,7 +38,9 @@ def test_the_pivoting_target_gives_the_camera_exactly(
 
 def test_a_missing_marker_does_not_bias_the_start() -> None:
     truth = paper_rig(target=CollinearTarget((0.0, 100.0, 250.0, 400.0)))
-    points = target_points(*pivot_poses(truth, 12, np.random.default_rng(1)), truth.target.positions)
+    points = target_points(
+        *pivot_poses(truth, 12, np.random.default_rng(1)), truth.target.positions
+    )
     uv = truth.camera.project(points)
     uv[::3, 2] = np.nan
     uv[1, 0] = np.nan
@@ -89,5 +93,5 @@ def test_the_depth_error_of_a_tilted_target_is_common_to_its_markers() -> None:
     found = triangulated_targets(noisy, np.array(200.0), np.array(200.0), camera)
     depth_error = found[..., 2] - points[..., 2]
     assert depth_error.std(axis=0).min() > 0.8
-    correlation = np.corrcoef(depth_error.T)
+    correlation = np.atleast_2d(np.corrcoef(depth_error.T))
     assert correlation[np.triu_indices(3, 1)].min() > 0.95

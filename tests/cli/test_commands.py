@@ -269,4 +269,6 @@ def test_pictures_without_a_line_give_no_length(
 
 
 def test_a_folder_that_cannot_be_written(calibration: Path, tmp_path: Path, sol: Words) -> None:
-    expect_error(sol("report", calibration, "-o", tmp_path / "no" / "report.html"), 2, "report.html")
+    expect_error(
+        sol("report", calibration, "-o", tmp_path / "no" / "report.html"), 2, "report.html"
+    )

@@ -125,7 +125,12 @@ def test_units_of_the_parameters_do_not_matter() -> None:
 
 @pytest.mark.parametrize(
     "information",
-    [np.zeros((2, 2)), np.ones((2, 2)), np.array([[1.0, 2.0], [2.0, 1.0]]), np.full((2, 2), np.nan)],
+    [
+        np.zeros((2, 2)),
+        np.ones((2, 2)),
+        np.array([[1.0, 2.0], [2.0, 1.0]]),
+        np.full((2, 2), np.nan),
+    ],
     ids=["empty", "singular", "indefinite", "nan"],
 )
 def test_undetermined_parameters_have_no_covariance(information: np.ndarray) -> None:

@@ -295,9 +295,9 @@ def test_noise_is_photon_and_read_noise(level, bits):
     assert mean / top == pytest.approx(level, abs=0.5 / top)
     shot_and_read = (electrons + options.read_noise_e**2) / step**2
     assert variance == pytest.approx(shot_and_read + 1 / 12, abs=1 / 12)
-    error = np.sqrt(variance / light.size)
+    error = float(np.sqrt(variance / light.size))
     assert grey.mean() == pytest.approx(mean, abs=4.5 * error)
-    error = np.sqrt((fourth - variance**2) / light.size)
+    error = float(np.sqrt((fourth - variance**2) / light.size))
     assert grey.var() == pytest.approx(variance, abs=4.5 * error)
 
 

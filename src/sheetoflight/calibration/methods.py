@@ -199,8 +199,8 @@ def _few_inliers(plane: PaperPlane, options: PaperOptions) -> tuple[str, ...]:
     if plane.agreeing >= options.inlier_share * total:
         return ()
     return (
-        f"only {plane.agreeing} of {total} triangulated points lie within {options.threshold_mm} mm of "
-        f"the plane, the paper asks for {options.inlier_share:.0%} – the depth of a tilted "
+        f"only {plane.agreeing} of {total} triangulated points lie within "
+        f"{options.threshold_mm} mm of the plane, the paper asks for {options.inlier_share:.0%} – the depth of a tilted "
         "target is too noisy for this method; use --method joint",
     )
 

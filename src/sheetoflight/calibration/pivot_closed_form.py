@@ -117,7 +117,7 @@ def _camera_models(middle: Array, skew: bool) -> list[list[Array]]:
     no_skew = [symmetric(0, 0), symmetric(1, 1), *offsets]
     shift = np.eye(3)
     shift[:2, 2] = -middle
-    centred = [shift.T @ square @ shift, shift.T @ symmetric(2, 2) @ shift]
+    centred: list[Array] = [shift.T @ square @ shift, shift.T @ symmetric(2, 2) @ shift]
     general = [[*no_skew, symmetric(0, 1)]] if skew else []
     return [*general, no_skew, [square, *offsets], centred]
 

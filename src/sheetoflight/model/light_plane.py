@@ -11,7 +11,6 @@ from sheetoflight.errors import InputError
 from sheetoflight.geometry.directions import Array
 from sheetoflight.geometry.planes import ray_depths
 
-
 _ROUNDING = 1e-15
 """How far rounding alone takes a unit vector's length from 1."""
 

@@ -58,7 +58,7 @@ class TargetViews:
     @property
     def seen(self) -> np.ndarray:
         """``(N, M)`` mask of the markers that were seen."""
-        return np.isfinite(self.uv).all(axis=-1)
+        return np.asarray(np.isfinite(self.uv).all(axis=-1))
 
     def take(self, views: np.ndarray) -> TargetViews:
         """The views that an index array or mask ``views`` selects."""

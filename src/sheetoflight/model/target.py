@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import pairwise
 from typing import Literal, get_args
 
 import numpy as np
@@ -55,7 +56,7 @@ class CollinearTarget:
                 f"markers_mm is {list(positions)}; it must hold numbers and begin with 0",
                 "measure every position from marker 0",
             )
-        if any(b <= a for a, b in zip(positions, positions[1:], strict=False)):
+        if any(b <= a for a, b in pairwise(positions)):
             raise InputError(
                 f"markers_mm is {list(positions)}; the positions must increase",
                 "list the markers in their order along the target",

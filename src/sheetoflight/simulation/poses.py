@@ -26,7 +26,7 @@ def in_picture(camera: Camera, points: Array, margin_px: float = 0.0) -> np.ndar
     uv = camera.project(points)
     size = np.array(camera.image_size) - 1.0
     with np.errstate(invalid="ignore"):
-        return ((uv >= margin_px) & (uv <= size - margin_px)).all(axis=-1)
+        return np.asarray(((uv >= margin_px) & (uv <= size - margin_px)).all(axis=-1))
 
 
 def pivot_poses(
@@ -141,7 +141,8 @@ def _drawn(
 ) -> tuple[Array, Array]:
     """Draw poses until `count` of them lie wholly in the picture."""
     positions = rig.target.positions if positions is None else positions
-    origins, directions = [np.empty((0, 3))], [np.empty((0, 3))]
+    origins: list[Array] = [np.empty((0, 3))]
+    directions: list[Array] = [np.empty((0, 3))]
     found = 0
     for _ in range(_BATCHES):
         if found >= count:

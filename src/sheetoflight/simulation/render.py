@@ -22,7 +22,7 @@ from sheetoflight.simulation.rig import SimulatedRig
 from sheetoflight.simulation.samples import Samples, Tile, blur_border, tiles
 from sheetoflight.simulation.scene import Scene, Surface
 
-Picture = NDArray[np.uint8 | np.uint16]
+Picture = NDArray[np.uint8] | NDArray[np.uint16]
 
 _EDGE_ON = 1e-6
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -10,7 +11,7 @@ from sheetoflight.geometry.directions import Array
 from sheetoflight.imaging.markers import outline
 from sheetoflight.imaging.markers.candidate import Candidate
 from sheetoflight.imaging.markers.grey import GreyPicture
-from sheetoflight.imaging.markers.laser_band import LaserBand
+from sheetoflight.imaging.markers.outline import LineLight
 
 
 @dataclass(frozen=True)
@@ -30,6 +31,8 @@ class FitOptions:
         reaches zero there); they are dirt, dust or another edge.
     least_explained : float
         Share of the grey values' variance that the formula must explain.
+    line_error : float
+        Standard deviation of the laser line's light from a smooth Gaussian, as a share.
     most_std : float
         Largest standard uncertainty of the marker's place, px; beyond it too little is seen.
     """
@@ -39,6 +42,7 @@ class FitOptions:
     steps: int = 30
     robust_at: float = 6.0
     least_explained: float = 0.8
+    line_error: float = 0.1
     most_std: float = 0.3
 
 
@@ -69,43 +73,46 @@ class MarkerFit:
 
 _START_BLUR_SHARE = 0.1
 _CONVERGED_PX = 1e-4
+_LOST = 1e6
 _QUADRANT_ROOM = 40
+_SATURATED = 254.5
+_LEAST_NOISE_SHARE = 0.5
 
 
 def fitted_marker(
     picture: GreyPicture,
     candidate: Candidate,
     quadrant: bool,
-    band: LaserBand | None = None,
+    line: LineLight | None = None,
     options: FitOptions = FitOptions(),
 ) -> MarkerFit | None:
     """Measure a candidate, or None where the formula does not describe what is seen.
 
     Parameters
     ----------
-    band : LaserBand, optional
-        Where the laser line runs along the target; its pixels have no say.
+    line : LineLight, optional
+        The laser line, where it crosses the marker along the target.
     """
     offsets, grey = _pixels(picture, candidate, options)
-    if band is not None:
-        clear = ~band.covers(offsets + candidate.centre)
-        offsets, grey = offsets[clear], grey[clear]
     if len(grey) < _QUADRANT_ROOM:
         return None
     start = outline.starting_parameters(
-        candidate, quadrant, max(1.0, _START_BLUR_SHARE * candidate.radius)
+        candidate, quadrant, max(1.0, _START_BLUR_SHARE * candidate.radius), line
     )
-    solution = _solved(start, offsets, grey, picture.noise, options)
-    if solution is None:
+    seen = _Seen(offsets, grey, picture.noise, line, options)
+    solution = _solved(start, seen)
+    if solution is None or not _regular(solution.information):
         return None
-    values, weights, residuals, information = solution
-    explained = 1.0 - float(weights @ residuals**2 / (weights @ (grey - grey.mean()) ** 2))
+    values, weights, residuals = solution.values, solution.weights, solution.residuals
+    spread = float(weights @ (grey - np.average(grey, weights=weights)) ** 2)
+    misfit = float(weights @ residuals**2)
+    explained = 1.0 - misfit / spread
     if explained < options.least_explained:
         return None
-    variance = float(weights @ residuals**2) / max(float(weights.sum()) - len(values), 1.0)
-    variance = max(variance, picture.noise**2 * 0.25)
+    variance = misfit / max(solution.pixels - len(values), 1.0)
+    variance = max(variance, (_LEAST_NOISE_SHARE * picture.noise) ** 2)
     centre = outline.CROSSING if quadrant else outline.OUTLINE
-    covariance = variance * np.linalg.inv(information)[centre, centre]
+    covariance = variance * np.linalg.inv(solution.information)[centre, centre]
     if np.trace(covariance) / 2 > options.most_std**2:
         return None
     contrast, surround = outline.contrast_of(values)
@@ -134,38 +141,69 @@ def _pixels(picture: GreyPicture, candidate: Candidate, options: FitOptions) -> 
     return offsets[inside], picture.values[grid[:, 1], grid[:, 0]].astype(float)
 
 
-def _solved(
-    values: Array, offsets: Array, grey: Array, noise: float, options: FitOptions
-) -> tuple[Array, Array, Array, Array] | None:
-    """Levenberg–Marquardt with weights from the residuals.
+class _Seen(NamedTuple):
+    """The pixels of one marker, and how they are to be judged."""
 
-    Returns the parameters, weights, residuals and the information matrix ``JᵀWJ``; None
-    where it does not converge.
+    offsets: Array
+    grey: Array
+    noise: float
+    line: LineLight | None
+    options: FitOptions
+
+
+@dataclass(frozen=True)
+class _State:
+    """The formula at some parameters, against the pixels.
+
+    ``weights`` are relative to pixels in plain light; ``pixels`` is how many count after dirt
+    and other edges have lost their say.
     """
+
+    values: Array
+    residuals: Array
+    jacobian: Array
+    weights: Array
+    pixels: float
+
+    @property
+    def information(self) -> Array:
+        return (self.jacobian * self.weights[:, None]).T @ self.jacobian
+
+
+def _state(values: Array, seen: _Seen) -> _State:
+    grey, jacobian, line_grey = outline.intensity(values, seen.offsets, seen.line)
+    residuals = seen.grey - grey
+    # A saturated pixel only says that the light was at least so strong.
+    content = (seen.grey >= _SATURATED) & (residuals < 0)
+    residuals = np.where(content, 0.0, residuals)
+    jacobian[content] = 0.0
+    # Speckle, and a profile that is not quite Gaussian, are errors in proportion to its light.
+    trust = 1.0 / (1.0 + (seen.options.line_error * line_grey / seen.noise) ** 2)
+    robust = _robust_weights(residuals * np.sqrt(trust), seen.noise, seen.options.robust_at)
+    return _State(values, residuals, jacobian, robust * trust, float(robust[~content].sum()))
+
+
+def _solved(start: Array, seen: _Seen) -> _State | None:
+    """Levenberg–Marquardt with weights from the residuals; None where it does not converge."""
+    state = _state(start, seen)
     damping = 1e-3
-    model, jacobian = outline.intensity(values, offsets)
-    residuals = grey - model
-    weights = _weights(residuals, noise, options.robust_at)
-    for _ in range(options.steps):
-        weighted = jacobian * weights[:, None]
-        information = weighted.T @ jacobian
+    for _ in range(seen.options.steps):
+        information = state.information
         scale = np.sqrt(np.maximum(np.diag(information), 1e-12))
-        normal = information / np.outer(scale, scale) + damping * np.eye(len(values))
-        step = np.linalg.solve(normal, (weighted.T @ residuals) / scale) / scale
-        trial = values + step
-        trial_model, trial_jacobian = outline.intensity(trial, offsets)
-        trial_residuals = grey - trial_model
-        if not weights @ trial_residuals**2 <= weights @ residuals**2 * (1 + 1e-12):
+        normal = information / np.outer(scale, scale) + damping * np.eye(len(start))
+        gradient = state.jacobian.T @ (state.weights * state.residuals)
+        step = np.linalg.solve(normal, gradient / scale) / scale
+        trial = _state(state.values + step, seen)
+        cost = float(state.weights @ state.residuals**2)
+        if float(state.weights @ trial.residuals**2) <= cost * (1 + 1e-12):
+            state = trial
+            damping = max(damping / 10.0, 1e-9)
+            if np.abs(step[outline.OUTLINE]).max() < _CONVERGED_PX and damping < 1e-4:
+                return state
+        else:
             damping *= 10.0
-            if damping > 1e6:
+            if damping > _LOST:
                 return None
-            continue
-        values, residuals, jacobian = trial, trial_residuals, trial_jacobian
-        damping = max(damping / 10.0, 1e-9)
-        weights = _weights(residuals, noise, options.robust_at)
-        if np.abs(step[outline.OUTLINE]).max() < _CONVERGED_PX and damping < 1e-4:
-            information = (jacobian * weights[:, None]).T @ jacobian
-            return (values, weights, residuals, information) if _regular(information) else None
     return None
 
 
@@ -176,7 +214,8 @@ def _regular(information: Array) -> bool:
     return bool(np.linalg.cond(information / np.outer(scale, scale)) < 1e12)
 
 
-def _weights(residuals: Array, noise: float, robust_at: float) -> Array:
+def _robust_weights(residuals: Array, noise: float, robust_at: float) -> Array:
+    """Tukey's biweight."""
     spread = max(1.4826 * float(np.median(np.abs(residuals))), noise, 1e-6)
     ratio = residuals / (robust_at * spread)
     return np.where(np.abs(ratio) < 1.0, (1.0 - ratio**2) ** 2, 0.0)

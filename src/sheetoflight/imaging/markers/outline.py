@@ -1,8 +1,9 @@
 """The picture of one marker as a formula, with its derivatives.
 
-A disc of ink on lighter (or darker) ground, evenly sloping light, smoothed edges::
+A disc of ink on lighter (or darker) ground, evenly sloping light, smoothed edges; and the
+laser line, if it crosses the marker, as further light that ink and ground reflect alike::
 
-    I(x) = (w0 + w·(x − x0)) (1 − k Q(x) D(x))
+    I(x) = (w0 + w·(x − x0) + A exp(−t²/2b²)) (1 − k Q(x) D(x)),  t = m·(x − x0) − t0
     D = Φ(d/s),  d = signed distance to the outline |L (x − e)| = 1, positive inside
     Q = (1 + erf(l1/√2 s) erf(l2/√2 s)) / 2,  li = n(φi)·(x − c)     quadrant marker
     Q = 1                                                            disc
@@ -13,6 +14,7 @@ image of the disc's centre, whereas the crossing ``c`` of the two edges is.
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -28,7 +30,31 @@ _BLUR, _WHITE, _SLOPE, _INK = 5, 6, slice(7, 9), 9
 CROSSING = slice(10, 12)
 """Parameters that hold the crossing ``c`` of a quadrant marker's edges."""
 _EDGES = (12, 13)
+_EDGE_PARAMETERS = slice(10, 14)
 _DISC_PARAMETERS, _QUADRANT_PARAMETERS = 10, 14
+_LINE_PARAMETERS = 3
+
+
+@dataclass(frozen=True)
+class LineLight:
+    """A straight stripe of light across a marker, as a start for the fit.
+
+    Parameters
+    ----------
+    normal : (2,) array
+        Unit normal m of the stripe, which stays as it is.
+    offset : float
+        t0: the middle's distance from x0 along the normal, px.
+    amplitude : float
+        A: grey values that it adds to the ground.
+    width : float
+        b: its standard deviation, px.
+    """
+
+    normal: Array
+    offset: float
+    amplitude: float
+    width: float
 
 
 class _Step(NamedTuple):
@@ -38,7 +64,9 @@ class _Step(NamedTuple):
     slope: Array
 
 
-def starting_parameters(candidate: Candidate, quadrant: bool, blur: float) -> Array:
+def starting_parameters(
+    candidate: Candidate, quadrant: bool, blur: float, line: LineLight | None = None
+) -> Array:
     """Parameters of the formula for a candidate; its centre is ``x0`` and the origin."""
     values = np.zeros(_QUADRANT_PARAMETERS if quadrant else _DISC_PARAMETERS)
     inverse = np.linalg.inv(candidate.frame)
@@ -49,14 +77,16 @@ def starting_parameters(candidate: Candidate, quadrant: bool, blur: float) -> Ar
     if quadrant:
         values[_EDGES[0]] = np.arctan2(candidate.frame[1, 0], candidate.frame[0, 0])
         values[_EDGES[1]] = np.arctan2(candidate.frame[1, 1], candidate.frame[0, 1])
-    return values
+    if line is None:
+        return values
+    return np.concatenate([values, [line.amplitude, line.offset, np.log(line.width)]])
 
 
 def frame_of(values: Array) -> Array:
     """The outline's and edges' `Candidate.frame`."""
     form = np.zeros((2, 2))
     form[np.triu_indices(2)] = values[_FORM]
-    if len(values) == _DISC_PARAMETERS:
+    if not _is_quadrant(values):
         return np.linalg.inv(form)
     unit = np.array([np.cos(values[list(_EDGES)]), np.sin(values[list(_EDGES)])])
     return unit / np.linalg.norm(form @ unit, axis=0)
@@ -72,36 +102,62 @@ def blur_of(values: Array) -> float:
     return float(np.exp(values[_BLUR]))
 
 
-def intensity(values: Array, offsets: Array) -> tuple[Array, Array]:
-    """Grey values ``(N,)`` at offsets ``(N, 2)`` px from x0, and their derivatives ``(N, P)``."""
+def intensity(
+    values: Array, offsets: Array, line: LineLight | None = None
+) -> tuple[Array, Array, Array]:
+    """The formula at offsets ``(N, 2)`` px from x0.
+
+    Returns
+    -------
+    grey : (N,)
+    jacobian : (N, P)
+    line_grey : (N,)
+        The laser line's part of `grey`.
+    """
     jacobian = np.zeros((len(offsets), len(values)))
     blur = np.exp(values[_BLUR])
-    light = values[_WHITE] + offsets @ values[_SLOPE]
+    line_light = _line_light(values, offsets, line, jacobian)
+    light = values[_WHITE] + offsets @ values[_SLOPE] + line_light
     disc, distance = _disc(values, offsets, blur, jacobian)
     ink = values[_INK]
     by_disc = -light * ink * disc.slope
     by_blur = -by_disc * distance
     cover = disc.value
-    if len(values) == _QUADRANT_PARAMETERS:
+    if _is_quadrant(values):
         quarters, by_edges, edge_blur = _quarters(values, offsets, blur)
         cover = cover * quarters
         by_blur = by_blur * quarters + light * ink * disc.value * edge_blur
         by_disc = by_disc * quarters
-        jacobian[:, CROSSING.start :] = (-light * ink * disc.value)[:, None] * by_edges
+        jacobian[:, _EDGE_PARAMETERS] = (-light * ink * disc.value)[:, None] * by_edges
     jacobian[:, :_BLUR] *= by_disc[:, None]
     jacobian[:, _BLUR] = by_blur
     shade = 1.0 - ink * cover
     jacobian[:, _WHITE] = shade
     jacobian[:, _SLOPE] = shade[:, None] * offsets
     jacobian[:, _INK] = -light * cover
-    return light * shade, jacobian
+    if line is not None:
+        jacobian[:, -_LINE_PARAMETERS:] *= shade[:, None]
+    return light * shade, jacobian, line_light * shade
 
 
-def outline_radius(values: Array, offsets: Array) -> Array:
-    """Distance ``(N,)`` from the outline's centre, in radii: 1 on the outline."""
-    form = np.zeros((2, 2))
-    form[np.triu_indices(2)] = values[_FORM]
-    return np.linalg.norm((offsets - values[OUTLINE]) @ form.T, axis=-1)
+def _is_quadrant(values: Array) -> bool:
+    return len(values) >= _QUADRANT_PARAMETERS
+
+
+def _line_light(
+    values: Array, offsets: Array, line: LineLight | None, jacobian: Array
+) -> Array:
+    """The stripe's light on the ground; writes its derivatives into the Jacobian."""
+    if line is None:
+        return np.zeros(len(offsets))
+    amplitude, offset, log_width = values[-_LINE_PARAMETERS:]
+    ratio = (offsets @ line.normal - offset) * np.exp(-log_width)
+    profile = np.exp(-0.5 * ratio**2)
+    light = amplitude * profile
+    jacobian[:, -3] = profile
+    jacobian[:, -2] = light * ratio * np.exp(-log_width)
+    jacobian[:, -1] = light * ratio**2
+    return light
 
 
 def _disc(values: Array, offsets: Array, blur: float, jacobian: Array) -> tuple[_Step, Array]:

@@ -11,7 +11,7 @@ from sheetoflight.imaging.markers.discs import disc_candidates
 from sheetoflight.imaging.markers.fit import MarkerFit, fitted_marker
 from sheetoflight.imaging.markers.grey import GreyPicture, grey_picture
 from sheetoflight.imaging.markers.identify import FINE, Match, largest_part, matches, spacing_error
-from sheetoflight.imaging.markers.laser_band import laser_bands
+from sheetoflight.imaging.markers.laser_line import laser_along
 from sheetoflight.imaging.markers.line_light import bridged
 from sheetoflight.imaging.markers.perspective import disc_centres
 from sheetoflight.imaging.markers.quadrants import quadrant_candidates
@@ -81,11 +81,11 @@ def _measured(
     """The sighting that a match gives, or None where closer inspection refutes it."""
     markers = [candidates[i] for i in match.members]
     strip = strip_profiles(picture, markers)
-    bands = laser_bands(strip, np.array([m.centre for m in markers]), picture.noise)
+    lines = laser_along(strip, np.array([m.centre for m in markers]), picture.noise)
     quadrant = target.marker == "quadrant"
     fits: list[MarkerFit] = []
-    for marker, band in zip(markers, bands, strict=True):
-        fit = fitted_marker(picture, marker, quadrant, band)
+    for marker, line in zip(markers, lines, strict=True):
+        fit = fitted_marker(picture, marker, quadrant, line)
         if fit is None:
             return None
         fits.append(fit)

@@ -54,4 +54,4 @@ def _without_specks(lit: NDArray[np.bool_]) -> NDArray[np.bool_]:
     )
     large = statistics[:, cv2.CC_STAT_AREA] >= _LEAST_PIXELS
     large[0] = False
-    return large[labels]
+    return large[np.asarray(labels, np.int64)]

@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 
 from sheetoflight.geometry.directions import Array
 from sheetoflight.geometry.lines import fitted_line
-from sheetoflight.imaging.stripe.edge import Window, fitted_edge
 from sheetoflight.imaging.stripe.centres import Centres
+from sheetoflight.imaging.stripe.edge import Window, fitted_edge
 from sheetoflight.imaging.stripe.light import LineLight
 
 _CURVE_PX = 120.0
@@ -196,7 +196,7 @@ def _profile(window: Window, width: float) -> tuple[Array, Array]:
     positions, members = np.unique(bins, return_inverse=True)
 
     def total(values: Array) -> Array:
-        return np.bincount(members, values)
+        return np.bincount(members, values).astype(float)
 
     # Least squares of height and background, bin by bin.
     count, sum_x, sum_y = total(np.ones(len(shape))), total(shape), total(window.samples)

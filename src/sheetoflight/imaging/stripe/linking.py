@@ -69,7 +69,7 @@ def _in_large_groups(
     mask = np.zeros((rows.max() + 1, columns.max() + 1), dtype=np.uint8)
     mask[rows, columns] = 1
     count, labels = cv2.connectedComponents(mask, connectivity=8)
-    group = labels[rows, columns]
+    group = np.asarray(labels, np.int64)[rows, columns]
     size = np.bincount(group, minlength=count)
     has_seed = np.bincount(group, ridges.strength >= seed_strength, minlength=count) > 0
     index = np.flatnonzero((size >= least_pixels)[group] & has_seed[group])

@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 
 from sheetoflight.errors import InputError
 from sheetoflight.geometry.directions import Array
-from sheetoflight.imaging.stripe.ends import LineEnd, line_end
 from sheetoflight.imaging.stripe.centres import Centres
+from sheetoflight.imaging.stripe.ends import LineEnd, line_end
 from sheetoflight.imaging.stripe.light import LineLight, line_light
 from sheetoflight.imaging.stripe.linking import linked
 from sheetoflight.imaging.stripe.ridges import ridges
