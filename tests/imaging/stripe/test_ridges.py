@@ -29,8 +29,8 @@ def test_strength_is_the_amplitude_of_a_line_as_wide_as_the_smoothing():
 @pytest.mark.parametrize(("sheet", "scale"), [(0.4, 1.0), (1.3, 2.0), (2.9, 4.0), (6.0, 6.0)])
 def test_the_scale_follows_the_line_s_width(sheet, scale):
     """A line of width w answers with s² w / (w² + s²)^1.5, most where s = √2 w."""
-    line = Strip((20.0, 30.0), (140.0, 120.0), sheet=sheet, blur=0.4)
-    assert ridges(picture(line), 10.0).scale == scale
+    line = Strip((40.0, 60.0), (360.0, 300.0), sheet=sheet, blur=0.4)
+    assert ridges(drawn((400, 400), line).astype(np.float32), 10.0).scale == scale
 
 
 @pytest.mark.parametrize("degrees", [0, 20, 45, 70, 90, 135, 160])
