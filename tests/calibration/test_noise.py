@@ -32,13 +32,16 @@ def test_stated_noise_grows_but_does_not_shrink() -> None:
     assert noise.variance_factor(0.0, 0) == 1.0
 
 
-def test_a_points_own_std_comes_first() -> None:
-    own = np.full((2, 3), 0.05)
-    own[1, 2] = np.nan
-    assert np.isclose(noise_model(views(own), 0.3).std["camera"][1, 2], 0.3)
-    assert np.isclose(noise_model(views(own), 0.3).std["camera"][0, 0], 0.05)
-    assert not noise_model(views(own), None).stated
-    assert noise_model(views(np.full((2, 3), 0.05)), None).stated
+def test_the_points_own_std_give_the_proportions_of_the_noise() -> None:
+    own = np.array([[0.03, 0.03, 0.03], [0.05, 0.05, np.nan]])
+    typical = np.sqrt((3 * 0.03**2 + 2 * 0.05**2) / 5)
+    unknown = noise_model(views(own), None)
+    assert not unknown.stated
+    assert np.allclose(unknown.std["camera"], [[0.03, 0.03, 0.03], [0.05, 0.05, typical]])
+    stated = noise_model(views(own), 0.4)
+    assert stated.stated
+    assert np.allclose(stated.std["camera"] / unknown.std["camera"], 0.4 / typical)
+    assert stated.typical_std(1.0) == pytest.approx(0.4)
 
 
 def test_the_limit_is_the_quantile_of_chi_squared() -> None:

@@ -21,10 +21,10 @@ class NoiseModel:
     Parameters
     ----------
     std : mapping from stage to (N, M) array
-        px; 1 throughout where nothing is known.
+        px; right in proportion, and in size where `stated`.
     stated : bool
-        Whether the user (``pixel_std``) or the detection (``std``) stated them. Where not,
-        their common scale is estimated from the residuals.
+        Whether the user said how large the noise is (``pixel_std``). Where not, its size is
+        estimated from the residuals.
     """
 
     std: Mapping[str, Array]
@@ -47,18 +47,26 @@ class NoiseModel:
 
 
 def noise_model(stages: Mapping[str, TargetViews], pixel_std: float | None) -> NoiseModel:
-    """A view's own ``std`` where it has one, else ``pixel_std``, else unknown."""
-    stated = True
-    std = {}
-    for stage, views in stages.items():
-        own = np.full(views.uv.shape[:2], np.nan) if views.std is None else views.std
-        known = np.isfinite(own)
-        if pixel_std is None:
-            stated = stated and bool(known[views.seen].all())
-        std[stage] = np.where(known, own, pixel_std if pixel_std is not None else 1.0)
-    if not stated:
-        std = {stage: np.ones_like(values) for stage, values in std.items()}
-    return NoiseModel(std, stated)
+    """Size and proportions of the noise.
+
+    The points' own ``std`` give the proportions only. A detector derives them from the grey
+    values' noise; what else moves a marker – its print, its light, the lens – it cannot know,
+    so the size comes from ``pixel_std``, as the root mean square over all points, or else from
+    the residuals. Points without ``std`` count as typical ones.
+    """
+    own = {
+        stage: np.full(views.uv.shape[:2], np.nan) if views.std is None else views.std
+        for stage, views in stages.items()
+    }
+    everywhere = np.concatenate([values.ravel() for values in own.values()] or [np.zeros(0)])
+    known = everywhere[np.isfinite(everywhere)]
+    typical = float(np.sqrt(np.mean(known**2))) if known.size else 1.0
+    size = typical if pixel_std is None else pixel_std
+    std = {
+        stage: np.where(np.isfinite(values), values, typical) * (size / typical)
+        for stage, values in own.items()
+    }
+    return NoiseModel(std, stated=pixel_std is not None)
 
 
 def chi2_limit(degrees_of_freedom: int) -> float:

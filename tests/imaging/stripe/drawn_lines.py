@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter
 
-Image = NDArray[np.float64]
+from sheetoflight.geometry.directions import Array
 
 _FINE = 6
 _MARGIN = 14
@@ -38,7 +38,7 @@ class Strip:
     slope: float = 0.0
 
     @property
-    def ends(self) -> Image:
+    def ends(self) -> Array:
         return np.array([self.first, self.second])
 
     @property
@@ -46,10 +46,10 @@ class Strip:
         return float(np.linalg.norm(self.ends[1] - self.ends[0]))
 
     @property
-    def along(self) -> Image:
+    def along(self) -> Array:
         return (self.ends[1] - self.ends[0]) / self.length
 
-    def offsets(self, ends: Image) -> tuple[Image, Image]:
+    def offsets(self, ends: Array) -> tuple[Array, Array]:
         """How far found ends ``(2, 2)``, in any order, lie outwards and across, px."""
         if np.linalg.norm(ends[0] - self.ends[0]) > np.linalg.norm(ends[1] - self.ends[0]):
             ends = ends[::-1]
@@ -58,7 +58,7 @@ class Strip:
         return (error @ self.along) * [-1.0, 1.0], error @ across
 
 
-def drawn(shape: tuple[int, int], *strips: Strip) -> Image:
+def drawn(shape: tuple[int, int], *strips: Strip) -> Array:
     """Noise-free light ``(H, W)`` of strips in the dark, grey levels."""
     picture = np.zeros(shape)
     for strip in strips:
@@ -66,7 +66,7 @@ def drawn(shape: tuple[int, int], *strips: Strip) -> Image:
     return picture
 
 
-def _add(picture: Image, strip: Strip) -> None:
+def _add(picture: Array, strip: Strip) -> None:
     reach = _MARGIN + 4.0 * strip.sheet + (strip.half_width if strip.ambient else 0.0)
     low = np.floor(strip.ends.min(axis=0) - reach).astype(int)
     high = np.ceil(strip.ends.max(axis=0) + reach).astype(int)
@@ -89,17 +89,17 @@ def _add(picture: Image, strip: Strip) -> None:
     ]
 
 
-def _fine_grid(low: int, high: int) -> Image:
+def _fine_grid(low: int, high: int) -> Array:
     return (np.arange((high - low + 1) * _FINE) + 0.5) / _FINE - 0.5 + low
 
 
-def _soft(distance: Image, shear: float) -> Image:
+def _soft(distance: Array, shear: float) -> Array:
     """Part of each fine cell that lies inside an edge."""
     return np.clip(distance / np.sqrt(1.0 + shear**2) * _FINE + 0.5, 0.0, 1.0)
 
 
 def recorded(
-    light: Image, rng: np.random.Generator, noise: float = 2.0, dark: float = 20.0
+    light: Array, rng: np.random.Generator, noise: float = 2.0, dark: float = 20.0
 ) -> NDArray[np.uint8]:
     """An 8-bit picture with normal noise over a dark level."""
     return np.clip(np.rint(light + dark + rng.normal(0.0, noise, light.shape)), 0, 255).astype(

@@ -21,30 +21,35 @@ class IdentifyOptions:
     Parameters
     ----------
     distance : float
-        Largest departure of a distance from that foretold by the markers' sizes, as a share.
-    off_line, along_line : float
-        Largest departure of a middle marker from its foretold place, across and along the
-        target, as a share of the target's image; lens distortion bends it by a little.
+        Largest departure of a distance from that foretold by two markers' sizes, as a share.
+    along, across : float
+        Largest departure of a further marker from its foretold place along and across the
+        target, as a share of the distance of the two that foretell it.
     room_px : float
         Room added to both, for the coarse place of a candidate.
     quarter_rad : float
         Largest angle between the target's line and the quarters that should lie along it.
     size : float
-        Largest departure of a middle marker's size, as a share.
+        Largest departure of a further marker's size from the foretold, as a share.
+    shapes : bool
+        Whether quarters and sizes of the further markers must agree as well; without, a
+        candidate at the right place is enough.
     """
 
     distance: float = 0.35
-    off_line: float = 0.02
-    along_line: float = 0.1
+    along: float = 0.2
+    across: float = 0.02
     room_px: float = 2.0
     quarter_rad: float = 0.35
     size: float = 0.5
+    shapes: bool = False
 
 
 COARSE = IdentifyOptions()
-"""For candidates as they are first seen; sizes are rough, above all under the laser line."""
+"""For candidates as they are first seen. Under the laser line a marker's shape is distorted: two
+that are seen well foretell where the others are and how they look."""
 
-FINE = IdentifyOptions(0.08, 0.015, 0.02, 0.5, 0.1, 0.12)
+FINE = IdentifyOptions(0.12, 0.08, 0.015, 0.5, 0.15, 0.2, shapes=True)
 """For measured markers; lens distortion and uneven paper leave them not quite projective."""
 
 
@@ -56,155 +61,56 @@ class Match:
     ----------
     members : tuple of int
         Index of the candidate for each marker, in the markers' order.
+    markers : tuple of Candidate
+        The markers, each in the shape that the best seen ones foretell.
     misfit : float
-        Departure from what is foretold; 0 is perfect, 1 the limit.
+        Departure from what is foretold; up to 1 where all agrees within the limits.
     """
 
     members: tuple[int, ...]
+    markers: tuple[Candidate, ...]
+    misfit: float
+
+
+@dataclass(frozen=True)
+class _Pair:
+    """Candidates ``i`` and ``j`` as the markers ``first`` and ``second``."""
+
+    first: int
+    second: int
+    i: int
+    j: int
     misfit: float
 
 
 def matches(
-    candidates: Sequence[Candidate],
-    target: CollinearTarget,
-    options: IdentifyOptions = COARSE,
+    candidates: Sequence[Candidate], target: CollinearTarget, options: IdentifyOptions = COARSE
 ) -> list[Match]:
     """All ways in which candidates make up the whole target, best first."""
     if len(candidates) < len(target.markers_mm):
         return []
     field = _Field(candidates, target, options)
-    found = [m for pair in field.end_pairs() if (m := field.completed(*pair)) is not None]
-    return sorted(found, key=lambda match: match.misfit)
+    best: dict[tuple[int, ...], Match] = {}
+    for pair in field.pairs():
+        for match in field.completed(pair):
+            known = best.get(match.members)
+            if known is None or match.misfit < known.misfit:
+                best[match.members] = match
+    return sorted(best.values(), key=lambda match: match.misfit)
 
 
-def largest_part(
-    candidates: Sequence[Candidate],
-    target: CollinearTarget,
-    options: IdentifyOptions = COARSE,
-) -> tuple[int, ...]:
+def largest_part(candidates: Sequence[Candidate], target: CollinearTarget) -> tuple[int, ...]:
     """The most candidates that could be markers of one target, where it is not complete."""
     if not candidates:
         return ()
-    field = _Field(candidates, target, options)
+    field = _Field(candidates, target, COARSE)
     best: tuple[int, ...] = ()
-    for first, second, i, j in field.pairs():
-        part = field.part(first, second, i, j)
+    for pair in field.pairs():
+        places = [field.at_place(pair, k) for k in field.others(pair)]
+        part = {pair.i, pair.j, *(near[0][0] for near in places if near)}
         if len(part) > len(best):
-            best = part
+            best = tuple(sorted(part))
     return best
-
-
-class _Field:
-    """The candidates of one picture, with what every pair of them foretells."""
-
-    def __init__(
-        self, candidates: Sequence[Candidate], target: CollinearTarget, options: IdentifyOptions
-    ) -> None:
-        self.options = options
-        self.positions = target.positions
-        self.quadrant = target.marker == "quadrant"
-        self.size = target.marker_size_mm
-        self.centres = np.array([c.centre for c in candidates])
-        self.frames = np.array([c.frame for c in candidates])
-        self.dark = np.array([c.contrast > 0 for c in candidates])
-        offsets = self.centres[None, :, :] - self.centres[:, None, :]
-        self.distances = np.linalg.norm(offsets, axis=-1)
-        with np.errstate(divide="ignore", invalid="ignore"):
-            self.directions = offsets / self.distances[..., None]
-        np.nan_to_num(self.directions, copy=False)
-        # scales[i, j]: px per mm at candidate i along the line to candidate j.
-        inner = np.einsum("iab,ijb->ija", np.linalg.inv(self.frames), self.directions)
-        with np.errstate(divide="ignore"):
-            self.scales = 2.0 / (self.size * np.linalg.norm(inner, axis=-1))
-        self.foretold = np.sqrt(self.scales * self.scales.T)
-        self.black_along = self._along([1.0, 1.0])
-        self.white_along = self._along([1.0, -1.0])
-
-    def _along(self, diagonal: list[float]) -> np.ndarray:
-        """Mask (N, N): the quarters of candidate i lie along its line to candidate j."""
-        if not self.quadrant:
-            return np.ones(self.distances.shape, bool)
-        axis = self.frames @ np.array(diagonal)
-        axis /= np.linalg.norm(axis, axis=-1, keepdims=True)
-        cosine = np.abs(np.einsum("ia,ija->ij", axis, self.directions))
-        return cosine > np.cos(self.options.quarter_rad)
-
-    def _misfits(self, length_mm: float) -> Array:
-        """Departure (N, N) of each distance from ``length_mm`` as foretold, 1 at the limit."""
-        with np.errstate(divide="ignore", invalid="ignore"):
-            ratio = self.distances / (length_mm * self.foretold)
-            misfit = np.abs(np.log(ratio)) / np.log1p(self.options.distance)
-        return np.where(np.isfinite(misfit), misfit, np.inf)
-
-    def _allowed(self, first: int, second: int) -> np.ndarray:
-        """Mask (N, N) of pairs that may be markers ``first`` and ``second``."""
-        at_first = self.black_along if first == 0 else self.white_along
-        at_second = self.black_along if second == 0 else self.white_along
-        allowed = at_first & at_second.T & (self.dark[:, None] == self.dark[None, :])
-        length = float(self.positions[second] - self.positions[first])
-        return allowed & (self._misfits(length) < 1.0)
-
-    def end_pairs(self) -> Iterator[tuple[int, int, float]]:
-        """Candidates that may be the first and last marker, with their misfit."""
-        misfits = self._misfits(float(self.positions[-1]))
-        for i, j in np.argwhere(self._allowed(0, len(self.positions) - 1)):
-            yield int(i), int(j), float(misfits[i, j])
-
-    def pairs(self) -> Iterator[tuple[int, int, int, int]]:
-        """Every two markers, and candidates that may be they."""
-        count = len(self.positions)
-        for first in range(count):
-            for second in range(first + 1, count):
-                for i, j in np.argwhere(self._allowed(first, second)):
-                    yield first, second, int(i), int(j)
-
-    def completed(self, i: int, j: int, misfit: float) -> Match | None:
-        """The match whose ends are candidates i and j, if every marker between is there."""
-        ends, scales = self.centres[[i, j]], np.array([self.scales[i, j], self.scales[j, i]])
-        fractions = self.positions[1:-1] / self.positions[-1]
-        places = foretold_points(ends, scales, fractions)
-        members = [i]
-        for place, fraction in zip(places, fractions, strict=True):
-            member, error = self._nearest(place, float(fraction), i, j)
-            if member is None or member in members:
-                return None
-            members.append(member)
-            misfit = max(misfit, error)
-        return Match((*members, j), misfit)
-
-    def _nearest(self, place: Array, fraction: float, i: int, j: int) -> tuple[int | None, float]:
-        """The candidate at a foretold place between i and j, and its misfit."""
-        options, direction = self.options, self.directions[i, j]
-        offset = self.centres - place
-        along = np.abs(offset @ direction)
-        across = np.abs(offset @ [-direction[1], direction[0]])
-        length = self.distances[i, j]
-        error = np.hypot(
-            along / (options.along_line * length + options.room_px),
-            across / (options.off_line * length + options.room_px),
-        )
-        roots = 1 / np.sqrt([self.scales[i, j], self.scales[j, i]])
-        scale = 1.0 / (roots[0] + fraction * (roots[1] - roots[0])) ** 2
-        with np.errstate(divide="ignore"):
-            size = np.abs(np.log(self.scales[:, i] / scale)) / np.log1p(options.size)
-        error = np.maximum(error, size)
-        error[~(self.white_along[:, i] & (self.dark == self.dark[i]))] = np.inf
-        error[[i, j]] = np.inf
-        best = int(error.argmin())
-        return (best, float(error[best])) if error[best] < 1.0 else (None, np.inf)
-
-    def part(self, first: int, second: int, i: int, j: int) -> tuple[int, ...]:
-        """Candidates i and j as two markers, and those at the places between them."""
-        t = self.positions
-        members = [i]
-        scales = np.array([self.scales[i, j], self.scales[j, i]])
-        for between in range(first + 1, second):
-            fraction = (t[between] - t[first]) / (t[second] - t[first])
-            place = foretold_points(self.centres[[i, j]], scales, np.array([fraction]))[0]
-            member, _ = self._nearest(place, float(fraction), i, j)
-            if member is not None:
-                members.append(member)
-        return (*members, j)
 
 
 def spacing_error(markers: Sequence[Candidate], positions: Array) -> float:
@@ -221,3 +127,155 @@ def spacing_error(markers: Sequence[Candidate], positions: Array) -> float:
     places = foretold_points(ends, scales, positions[1:-1] / positions[-1])
     middles = np.array([m.centre for m in markers[1:-1]])
     return float(np.abs((middles - places) @ direction).max()) / length
+
+
+_PLACES_TRIED = 3
+
+
+class _Field:
+    """The candidates of one picture, with what every two of them foretell."""
+
+    def __init__(
+        self, candidates: Sequence[Candidate], target: CollinearTarget, options: IdentifyOptions
+    ) -> None:
+        self._candidates, self._options = candidates, options
+        self._positions = target.positions
+        self._quadrant = target.marker == "quadrant"
+        self._centres = np.array([c.centre for c in candidates])
+        self._frames = np.array([c.frame for c in candidates])
+        self._dark = np.array([c.contrast > 0 for c in candidates])
+        offsets = self._centres[None, :, :] - self._centres[:, None, :]
+        self._distances = np.linalg.norm(offsets, axis=-1)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            self._directions = offsets / self._distances[..., None]
+        np.nan_to_num(self._directions, copy=False)
+        # _scales[i, j]: px per mm at candidate i along the line to candidate j.
+        inner = np.einsum("iab,ijb->ija", np.linalg.inv(self._frames), self._directions)
+        with np.errstate(divide="ignore"):
+            self._scales = 2.0 / (target.marker_size_mm * np.linalg.norm(inner, axis=-1))
+        self._black_along = self._along([1.0, 1.0])
+        self._white_along = self._along([1.0, -1.0])
+
+    def pairs(self) -> Iterator[_Pair]:
+        """Every two markers, and candidates that may be they."""
+        count = len(self._positions)
+        for first in range(count):
+            for second in range(first + 1, count):
+                misfits = self._misfits(first, second)
+                for i, j in np.argwhere(misfits < 1.0):
+                    yield _Pair(first, second, int(i), int(j), float(misfits[i, j]))
+
+    def others(self, pair: _Pair) -> list[int]:
+        """The markers that a pair leaves to be found."""
+        return [k for k in range(len(self._positions)) if k not in (pair.first, pair.second)]
+
+    def completed(self, pair: _Pair) -> Iterator[Match]:
+        """The targets that a pair and candidates at the foretold places make up."""
+        chosen: list[tuple[dict[int, int], float]] = [
+            ({pair.first: pair.i, pair.second: pair.j}, pair.misfit)
+        ]
+        for k in self.others(pair):
+            near = self.at_place(pair, k)
+            chosen = [
+                ({**members, k: index}, max(misfit, error))
+                for members, misfit in chosen
+                for index, error in near
+                if index not in members.values()
+            ]
+        for members, misfit in chosen:
+            order = tuple(members[k] for k in range(len(self._positions)))
+            yield Match(order, self._foretold_markers(pair, order), misfit)
+
+    def at_place(self, pair: _Pair, k: int) -> list[tuple[int, float]]:
+        """Candidates where the pair foretells marker ``k``, nearest first, with their misfit."""
+        options, direction = self._options, self._directions[pair.i, pair.j]
+        fraction, scale = self._foretold_scale(pair, k)
+        if scale is None:
+            return []
+        ends = self._centres[[pair.i, pair.j]]
+        place = foretold_points(ends, self._pair_scales(pair), np.array([fraction]))[0]
+        offset = self._centres - place
+        distance = self._distances[pair.i, pair.j]
+        # An error of the pair's scales moves places by f(1 − f): most beyond the pair.
+        lever = abs(fraction * (1.0 - fraction))
+        along = np.abs(offset @ direction) / (options.along * lever * distance + options.room_px)
+        across = np.abs(offset @ [-direction[1], direction[0]])
+        across /= options.across * max(1.0, abs(fraction)) * distance + options.room_px
+        error = np.hypot(along, across)
+        unlike = self._unlike(pair, k, scale)
+        error = np.where(unlike, np.inf if options.shapes else error + 1.0, error)
+        error[[pair.i, pair.j]] = np.inf
+        order = np.argsort(error, kind="stable")[:_PLACES_TRIED]
+        limit = 1.0 + unlike
+        return [(int(n), float(error[n])) for n in order if error[n] < limit[n]]
+
+    def _along(self, diagonal: list[float]) -> np.ndarray:
+        """Mask (N, N): the quarters of candidate i lie along its line to candidate j."""
+        if not self._quadrant:
+            return np.ones(self._distances.shape, bool)
+        axis = self._frames @ np.array(diagonal)
+        axis /= np.linalg.norm(axis, axis=-1, keepdims=True)
+        cosine = np.abs(np.einsum("ia,ija->ij", axis, self._directions))
+        return cosine > np.cos(self._options.quarter_rad)
+
+    def _quarters_for(self, k: int) -> np.ndarray:
+        return self._black_along if k == 0 else self._white_along
+
+    def _misfits(self, first: int, second: int) -> Array:
+        """Misfit (N, N) of candidates i, j as two markers; inf where they cannot be they."""
+        length = float(self._positions[second] - self._positions[first])
+        foretold = length * np.sqrt(self._scales * self._scales.T)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            misfit = np.abs(np.log(self._distances / foretold)) / np.log1p(self._options.distance)
+        allowed = self._quarters_for(first) & self._quarters_for(second).T
+        allowed &= (self._dark[:, None] == self._dark[None, :]) & np.isfinite(misfit)
+        return np.where(allowed, misfit, np.inf)
+
+    def _pair_scales(self, pair: _Pair) -> Array:
+        return np.array([self._scales[pair.i, pair.j], self._scales[pair.j, pair.i]])
+
+    def _foretold_scale(self, pair: _Pair, k: int) -> tuple[float, float | None]:
+        """Where marker k lies as a fraction of the pair's distance, and its scale; None where
+        the pair's perspective does not reach so far."""
+        t = self._positions
+        fraction = float((t[k] - t[pair.first]) / (t[pair.second] - t[pair.first]))
+        roots = 1.0 / np.sqrt(self._pair_scales(pair))
+        root = float(roots[0] + fraction * (roots[1] - roots[0]))
+        return fraction, (1.0 / root**2 if root > 0.2 * roots.min() else None)
+
+    def _unlike(self, pair: _Pair, k: int, scale: float) -> np.ndarray:
+        """Mask (N,) of candidates that do not look as marker k should."""
+        scales, quarters = self._scales[:, pair.i], self._quarters_for(k)[:, pair.i]
+        with np.errstate(divide="ignore"):
+            size = np.abs(np.log(scales / scale)) / np.log1p(self._options.size)
+        return (size > 1.0) | ~quarters | (self._dark != self._dark[pair.i])
+
+    def _foretold_markers(self, pair: _Pair, members: tuple[int, ...]) -> tuple[Candidate, ...]:
+        """The members, those outside the pair in the shape that the pair foretells."""
+        markers = []
+        for k, member in enumerate(members):
+            candidate = self._candidates[member]
+            if member not in (pair.i, pair.j):
+                frame = self._foretold_frame(pair, k)
+                like = self._candidates[pair.i]
+                candidate = Candidate(candidate.centre, frame, like.contrast, like.surround)
+            markers.append(candidate)
+        return tuple(markers)
+
+    def _foretold_frame(self, pair: _Pair, k: int) -> Array:
+        """The pair's nearer marker, moved along the target to the place of marker k.
+
+        Lengths along the target grow with its local scale, lengths across with the root of it.
+        """
+        t = self._positions
+        nearer_first = abs(t[k] - t[pair.first]) < abs(t[k] - t[pair.second])
+        near, far = (pair.i, pair.j) if nearer_first else (pair.j, pair.i)
+        frame, direction = self._frames[near], self._directions[near, far]
+        unit = np.linalg.solve(frame, direction)
+        unit /= np.linalg.norm(unit)
+        _, scale = self._foretold_scale(pair, k)
+        growth = (scale or self._scales[near, far]) / self._scales[near, far]
+        along = frame @ unit * growth
+        across = frame @ [-unit[1], unit[0]] * np.sqrt(growth)
+        sign = 1.0 if k == 0 else -1.0
+        return np.stack([along + across, sign * (along - across)], axis=-1) / np.sqrt(2.0)

@@ -23,7 +23,7 @@ _CANDIDATES: dict[MarkerKind, Callable[[GreyPicture], list[Candidate]]] = {
     "quadrant": quadrant_candidates,
     "disc": disc_candidates,
 }
-_MOST_MATCHES = 8
+_MOST_MATCHES = 12
 # One order of asymmetric discs is believed if its spacing fits so much better than the other's.
 _CLEARLY_BETTER = 0.3
 
@@ -68,7 +68,7 @@ def _sightings(
     taken: set[int] = set()
     for match in matches(candidates, target)[:_MOST_MATCHES]:
         if taken.isdisjoint(match.members):
-            sighting = _measured(picture, candidates, match, target)
+            sighting = _measured(picture, match, target)
             if sighting is not None:
                 found.append(sighting)
                 taken.update(match.members)
@@ -76,10 +76,10 @@ def _sightings(
 
 
 def _measured(
-    picture: GreyPicture, candidates: list[Candidate], match: Match, target: CollinearTarget
+    picture: GreyPicture, match: Match, target: CollinearTarget
 ) -> TargetSighting | None:
     """The sighting that a match gives, or None where closer inspection refutes it."""
-    markers = [candidates[i] for i in match.members]
+    markers = match.markers
     strip = strip_profiles(picture, markers)
     lines = laser_along(strip, np.array([m.centre for m in markers]), picture.noise)
     quadrant = target.marker == "quadrant"

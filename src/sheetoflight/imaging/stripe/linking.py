@@ -6,6 +6,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from sheetoflight.geometry.directions import Array
 from sheetoflight.imaging.stripe.ridges import Ridges
 
 # A line does not turn by more than this between neighbouring pixels.
@@ -81,7 +82,7 @@ def _grown(
     by_pixel: dict[tuple[int, int], int],
     taken: NDArray[np.bool_],
     start: int,
-    heading: NDArray[np.float64],
+    heading: Array,
 ) -> list[int]:
     chain: list[int] = []
     here = start
@@ -99,8 +100,8 @@ def _next(
     by_pixel: dict[tuple[int, int], int],
     taken: NDArray[np.bool_],
     here: int,
-    heading: NDArray[np.float64],
-) -> tuple[int, NDArray[np.float64]] | None:
+    heading: Array,
+) -> tuple[int, Array] | None:
     """The neighbour ahead that continues the chain best, and the heading there."""
     best, best_cost = None, np.inf
     for other, right, down in _neighbours(ridges, by_pixel, here):
