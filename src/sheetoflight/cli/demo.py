@@ -10,10 +10,10 @@ from cyclopts import Parameter
 
 from sheetoflight.calibration.methods import METHODS
 from sheetoflight.cli.telling import on_all_cores, plain_table, tell, tell_table, warn
+from sheetoflight.report.contents import Table
 from sheetoflight.workflow.demonstration import (
     PAPER_TABLES,
-    Demonstration,
-    comparison_table,
+    comparison_tables,
     demonstrate,
 )
 
@@ -49,12 +49,13 @@ def demo(
         measured = sum(c.table == name for c in found.comparisons)
         if measured < len(lengths):
             warn(f"{name}: {len(lengths) - measured} of {len(lengths)} bars were not measured")
-        _tell(found, name)
+    for compared in comparison_tables(found):
+        _tell(compared)
+    tell("rendered targets are flat and truly in the sheet: a real rig is limited by its target")
     tell(f"written to {folder}: open {folder / 'report.html'}")
 
 
-def _tell(found: Demonstration, name: str) -> None:
-    compared = comparison_table(found, name)
+def _tell(compared: Table) -> None:
     table = plain_table(compared.title, (compared.columns[0],), compared.columns[1:])
     for index, row in enumerate(compared.rows):
         table.add_row(*map(str, row), style="bold" if index in compared.highlight else None)

@@ -70,7 +70,7 @@ def _in_pictures(calibration: Calibration, paths: list[Path]) -> list[MeasuredLe
         )
     for picture in pictures:
         if not picture.lengths:
-            seen = f"{len(picture.pieces)} pieces of the line, all of which leave the picture"
+            seen = f"{len(picture.pieces)} pieces of the line, none with two clear ends"
             warn(
                 f"{picture.file.name}: {seen if picture.pieces else 'no laser line'}; "
                 "nothing measured"

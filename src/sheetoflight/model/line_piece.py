@@ -22,9 +22,10 @@ class LinePiece:
     ends : (2, 2) array
         First and second end in px.
     ends_std : (2,) array
-        Standard uncertainty of each end along the line, px.
+        Standard uncertainty of each end along the line, px; NaN where no edge ends the piece.
     whole : bool
-        Whether both ends are ends of the lit surface; False where the piece leaves the picture.
+        Whether both ends are edges of the lit surface; False where the piece leaves the picture,
+        fades out, or bends sharply.
     """
 
     uv: Array

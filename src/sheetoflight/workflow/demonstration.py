@@ -12,8 +12,11 @@ import numpy as np
 from sheetoflight.calibration.methods import METHODS
 from sheetoflight.io.pictures import list_pictures
 from sheetoflight.io.segments_csv import write_lengths
+from sheetoflight.measurement.length import lengths
 from sheetoflight.model.calibration import Calibration
 from sheetoflight.report.contents import Table
+from sheetoflight.simulation.poses import segments_in_sheet
+from sheetoflight.simulation.rig import paper_rig
 from sheetoflight.workflow.calibrated import calibrate_rig
 from sheetoflight.workflow.measured import PictureLengths, measure_pictures, piece_lengths
 from sheetoflight.workflow.reported import write_report
@@ -28,6 +31,8 @@ PAPER_TABLES = (
 """The paper's lengths and the absolute errors it prints, mm."""
 
 _SHOWN_PICTURES = 3
+_LENGTHS_MM = (150.0, 450.0)
+_SEGMENTS = 200
 
 
 @dataclass(frozen=True)
@@ -65,6 +70,9 @@ class Demonstration:
     pictures, missed : int
         Pictures of the target, and how many of them were missed.
     comparisons : tuple of LengthComparison
+    calibration_error_mm : mapping from length in mm to mapping from method to float
+        Mean absolute error of segments all over the sheet, their ends' image points exact: what
+        the calibration alone contributes.
     calibrations : mapping from method to Calibration
     """
 
@@ -73,6 +81,7 @@ class Demonstration:
     pictures: int
     missed: int
     comparisons: tuple[LengthComparison, ...]
+    calibration_error_mm: dict[float, dict[str, float]]
     calibrations: dict[str, Calibration]
 
     def mean_error_mm(self, table: str, method: str) -> float:
@@ -100,7 +109,7 @@ def demonstrate(
         As for `simulate`.
     """
     folder = Path(folder)
-    bars = [length for _, lengths, _ in PAPER_TABLES for length in lengths]
+    bars = [length for _, lengths_mm, _ in PAPER_TABLES for length in lengths_mm]
     truth = simulate(folder, SimulationOptions(bars_mm=bars, seed=seed), run)
     detection = detect(folder, run)
     calibrations: dict[str, Calibration] = {}
@@ -117,6 +126,7 @@ def demonstrate(
         pictures=len(truth["views"]["camera"]) + len(truth["views"]["plane"]),
         missed=len(detection.missed),
         comparisons=tuple(_compared(calibrations, measured, truth)),
+        calibration_error_mm=_calibration_errors(calibrations),
         calibrations=calibrations,
     )
     for method, calibration in calibrations.items():
@@ -126,13 +136,30 @@ def demonstrate(
             for found in piece_lengths(calibration, picture.file.name, picture.pieces)
         ]
         write_lengths(folder / f"lengths-{method}.csv", rows)
-    tables = [comparison_table(demonstration, name) for name, _, _ in PAPER_TABLES]
+    tables = comparison_tables(demonstration)
     write_report(folder / "report.html", best, measured[:_SHOWN_PICTURES], tables)
     return demonstration
 
 
-def comparison_table(demonstration: Demonstration, name: str) -> Table:
-    """One of the paper's tables with a column of errors for each method."""
+def comparison_tables(demonstration: Demonstration) -> list[Table]:
+    """The methods side by side: the paper's tables, and the calibration alone."""
+    tables = [_paper_table(demonstration, name) for name, _, _ in PAPER_TABLES]
+    return [*tables, _calibration_table(demonstration)]
+
+
+def _calibration_table(demonstration: Demonstration) -> Table:
+    return Table(
+        title="What the calibration alone contributes: mean absolute error, mm",
+        columns=("length, mm", *demonstration.methods),
+        rows=tuple(
+            (f"{length:g}", *(f"{errors[m]:.4f}" for m in demonstration.methods))
+            for length, errors in demonstration.calibration_error_mm.items()
+        ),
+        note=f"{_SEGMENTS} segments all over the sheet, their ends' image points exact.",
+    )
+
+
+def _paper_table(demonstration: Demonstration, name: str) -> Table:
     chosen = [c for c in demonstration.comparisons if c.table == name]
     rows: list[tuple[str | int | float, ...]] = [
         (
@@ -168,29 +195,38 @@ def _detection_errors(stages: dict[str, Any], truth: dict[str, Any]) -> np.ndarr
     return np.concatenate(errors)
 
 
+def _calibration_errors(calibrations: dict[str, Calibration]) -> dict[float, dict[str, float]]:
+    truth = paper_rig()
+    found: dict[float, dict[str, float]] = {}
+    for length_mm in _LENGTHS_MM:
+        ends = segments_in_sheet(truth, length_mm, _SEGMENTS, np.random.default_rng(0))
+        uv = truth.camera.project(ends)
+        found[length_mm] = {
+            method: float(np.mean([abs(one.value - length_mm) for one in lengths(calibration, uv)]))
+            for method, calibration in calibrations.items()
+        }
+    return found
+
+
 def _compared(
     calibrations: dict[str, Calibration], measured: list[PictureLengths], truth: dict[str, Any]
 ) -> list[LengthComparison]:
-    expected = [
-        (table, error)
-        for table, lengths, errors in PAPER_TABLES
-        for _, error in zip(lengths, errors, strict=True)
-    ]
+    expected = [(table, error) for table, _, errors in PAPER_TABLES for error in errors]
     found = []
     for (table, error), picture in zip(expected, measured, strict=True):
-        lengths = {
+        by_method = {
             method: piece_lengths(calibration, picture.file.name, picture.pieces)
             for method, calibration in calibrations.items()
         }
-        if all(len(values) == 1 for values in lengths.values()):
+        if all(len(values) == 1 for values in by_method.values()):
             found.append(
                 LengthComparison(
                     table=table,
                     name=picture.file.name,
                     true_mm=truth["views"]["measure"][picture.file.name]["length_mm"],
                     paper_error_mm=error,
-                    measured_mm={m: v[0].length.value for m, v in lengths.items()},
-                    std_mm={m: v[0].length.std for m, v in lengths.items()},
+                    measured_mm={m: v[0].length.value for m, v in by_method.items()},
+                    std_mm={m: v[0].length.std for m, v in by_method.items()},
                 )
             )
     return found
