@@ -79,6 +79,11 @@ def draw(
     v = (np.arange(low[1], high[1])[:, None] + fine).ravel()
     inverse = np.linalg.inv(matrix)
     grid = np.stack(np.meshgrid(u, v), axis=-1)
+    # Rows and columns of samples are shifted against each other by the golden section: a plain
+    # grid would put an edge that runs along it at the nearest row of samples.
+    shift = np.mod(np.arange(max(grid.shape[:2])) * 0.6180339887, 1.0) - 0.5
+    grid[..., 0] += shift[: grid.shape[0], None] / samples
+    grid[..., 1] += shift[None, : grid.shape[1]] / samples
     w = grid @ inverse[:, :2].T + inverse[:, 2]
     xy = w[..., :2] / w[..., 2:]
     value = strip_albedo(xy, markers, size, kind, ink, paper)

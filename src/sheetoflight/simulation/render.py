@@ -158,7 +158,9 @@ def digitised(
         light = electrons / options.full_well_e
     top = 2**options.bits - 1
     grey = np.clip(np.rint(light * top), 0, top)
-    return grey.astype(np.uint8 if options.bits == 8 else np.uint16)
+    if options.bits == 8:
+        return grey.astype(np.uint8)
+    return grey.astype(np.uint16)
 
 
 class _Painter:

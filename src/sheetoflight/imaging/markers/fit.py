@@ -32,7 +32,9 @@ class FitOptions:
     least_explained : float
         Share of the grey values' variance that the formula must explain.
     line_error : float
-        Standard deviation of the laser line's light from a smooth Gaussian, as a share.
+        Standard deviation of the laser line's light from what the formula says, as a share:
+        speckle, a profile that is not Gaussian, and ink's edges under it, which the formula
+        smooths without regard to the line.
     most_std : float
         Largest standard uncertainty of the marker's place, px; beyond it too little is seen.
     """
@@ -42,7 +44,7 @@ class FitOptions:
     steps: int = 30
     robust_at: float = 6.0
     least_explained: float = 0.8
-    line_error: float = 0.1
+    line_error: float = 0.25
     most_std: float = 0.3
 
 
@@ -177,7 +179,6 @@ def _state(values: Array, seen: _Seen) -> _State:
     content = (seen.grey >= _SATURATED) & (residuals < 0)
     residuals = np.where(content, 0.0, residuals)
     jacobian[content] = 0.0
-    # Speckle, and a profile that is not quite Gaussian, are errors in proportion to its light.
     trust = 1.0 / (1.0 + (seen.options.line_error * line_grey / seen.noise) ** 2)
     robust = _robust_weights(residuals * np.sqrt(trust), seen.noise, seen.options.robust_at)
     return _State(values, residuals, jacobian, robust * trust, float(robust[~content].sum()))
