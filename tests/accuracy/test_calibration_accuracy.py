@@ -90,9 +90,11 @@ def test_errors_are_proportional_to_the_noise() -> None:
 @pytest.mark.accuracy
 @pytest.mark.parametrize("case", CASES[:3], ids=lambda case: case.name)
 def test_the_papers_pipeline_is_no_worse_than_its_own_column(case: Case) -> None:
-    """The promised figures come from simulations too; both scatter by some 10 %, hence 20 %."""
-    errors = np.abs(length_errors(case, "paper", 60)).mean(axis=(0, 2))
-    assert errors[1] <= 1.2 * case.promised["paper"][1]
+    """At 450 mm. A calibration's own mean error scatters widely with its poses: the mean of 100
+    lies above the promised figure by three of its standard errors with odds of 1 in 700."""
+    own_means = np.abs(length_errors(case, "paper", 100))[:, 1].mean(axis=1)
+    standard_error = own_means.std() / np.sqrt(len(own_means))
+    assert own_means.mean() <= case.promised["paper"][1] + 3 * standard_error
 
 
 def test_the_joint_optimum_is_scipys() -> None:
