@@ -136,7 +136,7 @@ def test_points_off_the_picture_are_refused(point: tuple[float, float], said: st
 def test_a_point_that_looks_away_from_the_sheet_is_named() -> None:
     beside = LightPlane(np.array([0.999, 0.0, 0.045]), 500.0)
     ends = np.array([[[1300.0, 500.0], [20.0, 500.0]]])
-    with pytest.raises(InputError, match="segment rail: point 2 .* behind the camera"):
+    with pytest.raises(InputError, match=r"segment rail: point 2 .* behind the camera"):
         lengths(calibrated(plane=beside), ends, names=("rail",))
     assert np.isnan(triangulate(calibrated(plane=beside), ends[0, 1])).all()
 

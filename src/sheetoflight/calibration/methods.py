@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -13,6 +13,7 @@ from sheetoflight.calibration.paper_plane import PaperOptions, PaperPlane, paper
 from sheetoflight.calibration.stages import (
     Adjusted,
     camera_stage,
+    camera_start,
     joint_stage,
     plane_stage,
     poses_only,
@@ -31,6 +32,17 @@ from sheetoflight.model.rig import Rig
 _LINEAR_LIMIT = 0.1
 """Greatest relative standard uncertainty (radians for the normal) at which a covariance, which
 is a linear notion, still describes the result: its square, the neglected second order, is 1 %."""
+
+
+_DIFFERENCE_PX = 0.01
+_STANDS_OUT = 4.0
+"""How many times the median residual a view's may be. With noise alone a view of four degrees of
+freedom exceeds that with odds below 1e-9."""
+
+_SAME_POINT_PX = 1e-6
+_FIXED_END_SHARE = 0.03
+"""How far, as a part of the picture's diagonal, marker 0 may lie from where the other views see
+it: farther than a slipped pivot, nearer than the other end of the target."""
 
 
 @dataclass(frozen=True)
@@ -77,6 +89,10 @@ def calibrate(
     """
     if method not in METHODS:
         raise InputError(f"method '{method}' is unknown", f"choose {' | '.join(METHODS)}")
+    if not isinstance(rig, Rig):
+        raise InputError(
+            f"a rig was expected, found {rig!r}", 'load it first: sol.load_rig("rig/")'
+        )
     _refuse_unusable_views(rig)
     noise = noise_model(rig.observations.stages(), rig.pixel_std)
     outcome = METHODS[method](rig, noise, options or CalibrationOptions())
@@ -84,7 +100,7 @@ def calibrate(
 
 
 def _joint(rig: Rig, noise: NoiseModel, _: CalibrationOptions) -> _Outcome:
-    camera = camera_stage(rig, noise)
+    camera = camera_start(rig, noise)
     start = plane_stage(_first_sheet(camera.state, rig), rig, noise)
     fit = joint_stage(start.state, rig, noise)
     names = (*intrinsic_names(rig.free_intrinsics), *PLANE)
@@ -101,8 +117,8 @@ def _two_step(rig: Rig, noise: NoiseModel, _: CalibrationOptions) -> _Outcome:
     mixed = sheet_information(fit.state, rig, noise)[len(names) :, : len(names)]
     camera_covariance = _camera_covariance(camera, names)
     covariance = _chained(camera_covariance, own, -own @ mixed)
-    fits = (camera, fit)
-    return _Outcome(fit.state, (*names, *PLANE), covariance, fits, fits)
+    # the in-plane residuals hold the camera's error, which is not noise
+    return _Outcome(fit.state, (*names, *PLANE), covariance, (camera, fit), (camera,))
 
 
 def _paper(rig: Rig, noise: NoiseModel, options: CalibrationOptions) -> _Outcome:
@@ -160,37 +176,42 @@ def _paper_sensitivities(
     central differences tell how it moves: the points of one position share their depth error,
     which a covariance from the scatter of single points would miss.
     """
-    views = rig.observations.plane
+    views = rig.observations.plane.take(used)
     free = np.array([CAMERA.index(name) for name in intrinsic_names(rig.free_intrinsics)])
-    kept = plane.used
+    base = state.camera.parameters
 
-    def plane_at(uv: Array, parameters: Array) -> Array:
-        moved = Rig(
-            rig.target,
-            rig.image_size,
-            observations=type(rig.observations)(plane=TargetViews(views.names, uv)),
-        )
-        points, _ = triangulated_views(moved, state.camera.with_parameters(parameters))
-        normal, distance = fitted_plane(points[kept])
+    def points_at(uv: Array, parameters: Array) -> Array:
+        seen = replace(rig.observations, plane=TargetViews(views.names, uv))
+        camera = state.camera.with_parameters(parameters)
+        return triangulated_views(replace(rig, observations=seen), camera)[0]
+
+    def plane_of(points: Array) -> Array:
+        normal, distance = fitted_plane(points[plane.used])
         return np.array([*(normal @ state.frame[:, :2]), distance])
 
-    base = state.camera.parameters
     by_camera = np.empty((3, len(free)))
     for column, index in enumerate(free):
         step = np.zeros(len(base))
         step[index] = 1e-4 * max(abs(base[index]), 1e-2)
-        change = plane_at(views.uv, base + step) - plane_at(views.uv, base - step)
-        by_camera[:, column] = change / (2.0 * step[index])
+        above, below = (plane_of(points_at(views.uv, base + s)) for s in (step, -step))
+        by_camera[:, column] = (above - below) / (2.0 * step[index])
 
     own = np.zeros((3, 3))
-    for view in used:
-        for marker in np.flatnonzero(views.seen[view]):
-            for axis in range(2):
-                step = np.zeros(views.uv.shape)
-                step[view, marker, axis] = 0.01
-                change = plane_at(views.uv + step, base) - plane_at(views.uv - step, base)
-                slope = change / 0.02
-                own += np.outer(slope, slope) * noise.std["plane"][view, marker] ** 2
+    now = points_at(views.uv, base)
+    variances = noise.std["plane"][used] ** 2
+    for marker in range(views.uv.shape[1]):
+        for axis in range(2):
+            step = np.zeros(views.uv.shape)
+            step[:, marker, axis] = _DIFFERENCE_PX
+            above, below = (points_at(views.uv + s, base) for s in (step, -step))
+            for view in np.flatnonzero(views.seen[:, marker]):
+                ends = []
+                for moved in (above, below):
+                    points = now.copy()
+                    points[view] = moved[view]
+                    ends.append(plane_of(points))
+                slope = (ends[0] - ends[1]) / (2.0 * _DIFFERENCE_PX)
+                own += np.outer(slope, slope) * variances[view, marker]
     return own, by_camera
 
 
@@ -200,8 +221,9 @@ def _few_inliers(plane: PaperPlane, options: PaperOptions) -> tuple[str, ...]:
         return ()
     return (
         f"only {plane.agreeing} of {total} triangulated points lie within "
-        f"{options.threshold_mm} mm of the plane, the paper asks for {options.inlier_share:.0%} – the depth of a tilted "
-        "target is too noisy for this method; use --method joint",
+        f"{options.threshold_mm} mm of the plane, the paper asks for "
+        f"{options.inlier_share:.0%} – the depth of a tilted target is too noisy for this method; "
+        "use --method joint",
     )
 
 
@@ -214,17 +236,49 @@ def _refuse_unusable_views(rig: Rig) -> None:
                 f"the target has {markers}",
                 "give markers_mm of the target that was seen",
             )
-        for name, seen in zip(views.names, views.seen, strict=True):
+        for name, uv, seen in zip(views.names, views.uv, views.seen, strict=True):
             if seen.sum() < 2:
                 raise InputError(
-                    f"view {name} of stage {stage} shows {int(seen.sum())} marker, "
+                    f"view {name} of stage {stage} shows {int(seen.sum())} of {markers} markers, "
                     "at least 2 are needed",
                     "remove the view, or detect its markers again",
                 )
+            gaps = np.linalg.norm(np.diff(uv[seen], axis=0), axis=1)
+            if gaps.min() < _SAME_POINT_PX:
+                raise InputError(
+                    f"view {name} of stage {stage}: two markers have the same image point",
+                    "detect its markers again, or remove the view",
+                )
+    _refuse_other_fixed_points(rig)
+
+
+def _refuse_other_fixed_points(rig: Rig) -> None:
+    """Marker 0 is fixed in the camera stage: a view that shows it elsewhere is of another stage,
+    or counts its markers from the other end."""
+    views = rig.observations.camera
+    seen = views.seen[:, 0] if len(views) else np.zeros(0, dtype=bool)
+    if seen.sum() < 3:
+        return
+    offsets = np.linalg.norm(views.uv[:, 0] - np.median(views.uv[seen, 0], axis=0), axis=1)
+    worst = int(np.argmax(np.where(seen, offsets, 0.0)))
+    if offsets[worst] > _FIXED_END_SHARE * float(np.hypot(*rig.image_size)):
+        raise InputError(
+            f"view {views.names[worst]} of stage camera shows marker 0 {offsets[worst]:.0f} px "
+            "away from its place in the other views",
+            "marker 0 stays fixed in this stage: check the order of the markers, whether the view "
+            "belongs to stage plane, and whether the fixed end is marker 0",
+        )
 
 
 def _calibration(method: str, rig: Rig, noise: NoiseModel, outcome: _Outcome) -> Calibration:
-    factor = noise.variance_factor(*_chi2(outcome.noise_fits))
+    chi2, freedom = _chi2(outcome.noise_fits)
+    if freedom < 1 and not noise.stated:
+        raise UntrustworthyError(
+            "camera" if method != "joint" else method,
+            "there are no more observations than unknowns, so the noise cannot be estimated",
+            "take more views, or state pixel_std under [noise] in rig.toml",
+        )
+    factor = noise.variance_factor(chi2, freedom)
     parameters, covariance = _named_covariance(outcome, factor)
     _refuse_beyond_linear(outcome, covariance, method)
     views = tuple(view for fit in outcome.fits for view in _view_residuals(fit))
@@ -241,7 +295,11 @@ def _calibration(method: str, rig: Rig, noise: NoiseModel, outcome: _Outcome) ->
         ),
         target=rig.target,
         pixel_std=noise.typical_std(factor),
-        warnings=(*outcome.warnings, *_noise_warnings(noise, *_chi2(outcome.noise_fits))),
+        warnings=(
+            *outcome.warnings,
+            *_noise_warnings(noise, chi2, freedom),
+            *_views_that_stand_out(views),
+        ),
     )
 
 
@@ -299,6 +357,21 @@ def _view_residuals(fit: Adjusted) -> list[ViewResiduals]:
         for stage, views in fit.adjustment.stages.items()
         for i, name in enumerate(views.names)
     ]
+
+
+def _views_that_stand_out(views: tuple[ViewResiduals, ...]) -> tuple[str, ...]:
+    """One warning for the worst view of each stage that fits far worse than the stage's others."""
+    warnings = []
+    for stage in dict.fromkeys(view.stage for view in views):
+        own = [view for view in views if view.stage == stage]
+        typical = float(np.median([view.rms_px for view in own]))
+        worst = max(own, key=lambda view: view.rms_px)
+        if worst.rms_px > max(_STANDS_OUT * typical, _SAME_POINT_PX):
+            warnings.append(
+                f"view {worst.view} of stage {stage} has residuals of {worst.rms_px:.2g} px, the "
+                f"stage's median is {typical:.2g} px – check its markers, or remove it"
+            )
+    return tuple(warnings)
 
 
 def _noise_warnings(noise: NoiseModel, chi2: float, freedom: int) -> tuple[str, ...]:

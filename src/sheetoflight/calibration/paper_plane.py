@@ -3,16 +3,21 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from math import ceil
+from math import ceil, isfinite
 
 import numpy as np
 
-from sheetoflight.errors import UntrustworthyError
+from sheetoflight.errors import InputError, UntrustworthyError
 from sheetoflight.estimation.genetic import GeneticOptions, genetic_minimum
 from sheetoflight.estimation.ransac import consensus
 from sheetoflight.geometry.directions import Array
 from sheetoflight.geometry.planes import fitted_plane
 
+_UNCONVERGED = 0.1
+"""Excess over the least squares at which the search counts as failed: then its plane is off by a
+third of the standard uncertainty that is stated for it."""
+
+_NOTHING_MM2 = 0.01
 _SCALE = 1000.0  # the paper writes aX + bY + cZ + 1000 = 0
 
 
@@ -43,6 +48,17 @@ class PaperOptions:
     draws: int = 100_000
     bounds: float = 0.05
     genetic: GeneticOptions = field(default_factory=GeneticOptions)
+
+    def __post_init__(self) -> None:
+        if not (isfinite(self.threshold_mm) and self.threshold_mm > 0):
+            raise InputError(
+                f"the threshold is {self.threshold_mm} mm", "give a distance above zero"
+            )
+        if not 0 < self.inlier_share <= 1 or self.draws < 1 or not 0 < self.bounds < 1:
+            raise InputError(
+                f"inlier_share {self.inlier_share}, draws {self.draws}, bounds {self.bounds}",
+                "give shares between 0 and 1, and at least one draw",
+            )
 
 
 @dataclass(frozen=True)
@@ -77,7 +93,7 @@ def paper_plane(points: Array, options: PaperOptions) -> PaperPlane:
     Raises
     ------
     UntrustworthyError
-        If fewer than two positions are given.
+        If fewer than two positions are given, or the genetic search did not converge.
     """
     if len(points) < 2:
         raise UntrustworthyError(
@@ -112,5 +128,12 @@ def _genetic_plane(points: Array, options: PaperOptions) -> tuple[Array, float]:
         return np.sum(heights**2, axis=1) / np.sum(coefficients**2, axis=1)
 
     best = genetic_minimum(squared_distances, start - reach, start + reach, options.genetic)
+    least, found = squared_distances(np.stack([start, best]))
+    if found > (1.0 + _UNCONVERGED) * least + _NOTHING_MM2:
+        raise UntrustworthyError(
+            "plane",
+            f"the genetic search ended at {found:.3g} mm², the least squares are {least:.3g} mm²",
+            "give it more individuals or generations (--population, --generations)",
+        )
     length = float(np.linalg.norm(best))
     return -best / length, _SCALE / length

@@ -36,7 +36,9 @@ def pivot_starts(
     Parameters
     ----------
     uv : (N, M, 2) array
-        Image points in px; NaN where not seen.
+        Image points in px; NaN where not seen. Marker 0 must be seen in one view at least. Views
+        with fewer than two far markers add nothing to the camera; their direction is the
+        shortest of many and wants `pose_reselection`.
     positions : (M,) array
         Marker positions from the fixed point, mm.
     image_size : (int, int)
@@ -57,8 +59,9 @@ def pivot_starts(
     slopes = _direction_images(points, anchor_image, positions / length)
     middle = (0.5 * (np.array(image_size) - 1.0) - centre) * scale
     starts = []
+    full = np.isfinite(uv[:, 1:]).all(axis=-1).sum(axis=1) >= 2
     for basis in _camera_models(middle, skew):
-        weighted = _whitened_camera(slopes, basis)
+        weighted = _whitened_camera(slopes[full], basis)
         if weighted is None:
             continue
         depth, matrix = weighted

@@ -71,26 +71,29 @@ class Adjusted:
 
 
 def camera_stage(rig: Rig, noise: NoiseModel) -> Adjusted:
-    """Camera and fixed point from the pivoting target (paper 3.1).
+    """Camera and fixed point from the pivoting target alone (paper 3.1), a result by itself.
 
     Raises
     ------
     UntrustworthyError
-        If there are too few views, no closed form starts, or the refinement does not converge.
+        As for `camera_start`, or if the refinement does not converge.
+    """
+    return _converged(camera_start(rig, noise), "camera")
+
+
+def camera_start(rig: Rig, noise: NoiseModel) -> Adjusted:
+    """What the camera stage alone finds; whether it converged is for the caller to judge.
+
+    Raises
+    ------
+    UntrustworthyError
+        If there are too few views, or no closed form starts.
     """
     views = rig.observations.camera
-    needed = 6 if rig.skew else 5
-    if len(views) < needed:
-        raise UntrustworthyError(
-            "camera",
-            f"{len(views)} {'view' if len(views) == 1 else 'views'} of the pivoting target, "
-            f"at least {needed} are needed",
-            "take more pictures with the target swung about marker 0 into other directions, "
-            "30 give a good result",
-        )
+    _refuse_few_camera_views(views, 6 if rig.skew else 5)
     positions = rig.target.positions
     starts = pivot_starts(views.uv, positions, rig.image_size, rig.skew)
-    states = [_state_of(start, rig) for start in starts]
+    states = [_best_poses(_state_of(start, rig), views, positions) for start in starts]
     if not states:
         raise UntrustworthyError(
             "camera",
@@ -107,7 +110,7 @@ def camera_stage(rig: Rig, noise: NoiseModel) -> Adjusted:
             positions, stages, noise.std, (*intrinsic_names(rig.free_intrinsics), *ANCHOR)
         )
         adjusted = _settled(whole, adjusted.state, views)
-    return _converged(adjusted, "camera")
+    return adjusted
 
 
 def triangulated_views(rig: Rig, camera: Camera) -> tuple[Array, np.ndarray]:
@@ -135,9 +138,7 @@ def triangulated_views(rig: Rig, camera: Camera) -> tuple[Array, np.ndarray]:
     return points[finite], used[finite]
 
 
-def with_plane(
-    state: RigState, rig: Rig, normal: Array, distance: float, stage: str = "plane"
-) -> RigState:
+def with_plane(state: RigState, rig: Rig, normal: Array, distance: float) -> RigState:
     """The state with a sheet of light, and the in-plane targets laid onto it.
 
     Raises
@@ -147,7 +148,7 @@ def with_plane(
     """
     if not distance > 0:
         raise UntrustworthyError(
-            stage, "the sheet of light passes through the camera's centre", "move the laser aside"
+            "plane", "the sheet of light passes through the camera's centre", "move the laser aside"
         )
     frame = np.stack([*tangent_basis(normal), normal], axis=1)
     views = rig.observations.plane
@@ -188,6 +189,32 @@ def sheet_information(state: RigState, rig: Rig, noise: NoiseModel) -> Array:
     stages: Mapping[str, TargetViews] = {"plane": rig.observations.plane}
     adjustment = Adjustment(rig.target.positions, stages, noise.std, free)
     return reduced_information(adjustment.blocks(state), adjustment.shared_size)
+
+
+def _refuse_few_camera_views(views: TargetViews, needed: int) -> None:
+    """Views count that show two markers beside the fixed one; marker 0 must be seen somewhere."""
+    full = int((views.seen[:, 1:].sum(axis=1) >= 2).sum())
+    if full < needed:
+        raise UntrustworthyError(
+            "camera",
+            f"{full} {'view' if full == 1 else 'views'} of the pivoting target, "
+            f"at least {needed} are needed",
+            "take more pictures with the target swung about marker 0 into other directions, "
+            "30 give a good result",
+        )
+    if not views.seen[:, 0].any():
+        raise UntrustworthyError(
+            "camera",
+            "marker 0, about which the target pivots, is seen in no view",
+            "take pictures in which nothing hides it",
+        )
+
+
+def _best_poses(state: RigState, views: TargetViews, positions: Array) -> RigState:
+    directions, _ = reselected_directions(
+        state.camera, state.anchor, state.poses["camera"], views, positions
+    )
+    return replace(state, poses={**state.poses, "camera": directions})
 
 
 def _settled(adjustment: Adjustment, state: RigState, views: TargetViews) -> Adjusted:

@@ -72,7 +72,7 @@ class SolverOptions:
     `iterations` steps; `damping` is relative to the diagonal of the normal equations."""
 
     tolerance: float = 1e-13
-    iterations: int = 100
+    iterations: int = 300
     damping: float = 1e-7
 
 
@@ -151,7 +151,7 @@ def solve(
     Raises
     ------
     numpy.linalg.LinAlgError
-        If a group's own parameters are undetermined at the start.
+        If a group's own parameters are undetermined.
     """
     options = options or SolverOptions()
     damping, growth = options.damping, 2.0

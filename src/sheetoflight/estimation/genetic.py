@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from sheetoflight.errors import InputError
 from sheetoflight.geometry.directions import Array
 
 
@@ -18,6 +19,14 @@ class GeneticOptions:
     population: int = 200
     generations: int = 100
     seed: int = 0
+
+    def __post_init__(self) -> None:
+        for name, least in (("population", 2), ("generations", 1), ("seed", 0)):
+            if getattr(self, name) < least:
+                raise InputError(
+                    f"{name} of the genetic search is {getattr(self, name)}",
+                    f"give at least {least}",
+                )
 
 
 def genetic_minimum(

@@ -64,6 +64,13 @@ def length(
         the camera.
     """
     ends = np.stack([checked_pixels(uv_1), checked_pixels(uv_2)])
+    if ends.shape != (2, 2):
+        raise InputError(
+            f"the ends have shapes {np.shape(uv_1)} and {np.shape(uv_2)}, expected (2,) each",
+            "give one u and v for each end; use triangulate for many points",
+        )
+    if std_px is not None and not (np.isfinite(std_px) and std_px >= 0):
+        raise InputError(f"std_px is {std_px}", "give a standard uncertainty in px")
     return lengths(calibration, ends[None], None if std_px is None else np.array([std_px]))[0]
 
 
@@ -90,6 +97,8 @@ def lengths(
     InputError
         As for `length`, naming the segment and its end.
     """
+    if not len(ends):
+        return []
     names = names or tuple(str(index + 1) for index in range(len(ends)))
     points = triangulate_with_jacobians(calibration, ends.reshape(-1, 2))
     _refuse_points_off_the_sheet(calibration, ends, points, names)
@@ -100,8 +109,12 @@ def lengths(
     xyz = points.xyz.reshape(-1, 2, 3)
     difference = xyz[:, 1] - xyz[:, 0]
     values = np.linalg.norm(difference, axis=1)
-    with np.errstate(invalid="ignore"):
-        direction = np.where(values[:, None] > 0, difference / values[:, None], 0.0)
+    if not (values > 0).all():
+        raise InputError(
+            f"segment {names[int(np.argmin(values))]}: both ends are the same point",
+            "give two different points on the laser line",
+        )
+    direction = difference / values[:, None]
     change = np.stack([-direction, direction], axis=1)[:, :, None, :]
     by_pixel = (change @ points.by_pixel.reshape(-1, 2, 3, 2))[:, :, 0]
     by_parameter = (change @ points.by_parameter.reshape(-1, 2, 3, 14))[:, :, 0].sum(axis=1)

@@ -62,7 +62,10 @@ def triangulate(calibration: Calibration, uv: Array) -> Array:
 
 def checked_pixels(uv: Array) -> Array:
     """Image points as a float array ``(..., 2)``."""
-    pixels = np.asarray(uv, dtype=float)
+    try:
+        pixels = np.asarray(uv, dtype=float)
+    except (TypeError, ValueError) as error:
+        raise InputError(f"image points are {uv!r}", "give pairs of numbers u and v") from error
     if pixels.ndim == 0 or pixels.shape[-1] != 2:
         raise InputError(
             f"image points have shape {pixels.shape}, expected (N, 2)", "give pairs of u and v"

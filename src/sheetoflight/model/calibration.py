@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from sheetoflight.measurement.length import Length
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Covariance:
     """Covariance of named parameters.
 
@@ -63,7 +63,7 @@ class Covariance:
         return block
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class ViewResiduals:
     """How one view fits.
 
@@ -91,7 +91,7 @@ class ViewResiduals:
         return float(np.sqrt(np.mean(seen**2))) if seen.size else 0.0
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Residuals:
     """How the observations fit: root mean square per coordinate, chi-squared per degree of
     freedom (1 where the noise was estimated from the residuals themselves), and every view."""
@@ -101,7 +101,7 @@ class Residuals:
     views: tuple[ViewResiduals, ...] = ()
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Calibration:
     """A calibrated sensor.
 
@@ -132,6 +132,12 @@ class Calibration:
     pixel_std: float
     warnings: tuple[str, ...] = ()
     provenance: Mapping[str, Any] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        if not self.light_planes:
+            raise InputError("the calibration has no light plane", "give at least one")
+        if not (np.isfinite(self.pixel_std) and self.pixel_std >= 0):
+            raise InputError(f"pixel_std is {self.pixel_std} px", "give a value of 0 or more")
 
     @property
     def light_plane(self) -> LightPlane:

@@ -15,7 +15,7 @@ _ROUNDING = 1e-15
 """How far rounding alone takes a unit vector's length from 1."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class LightPlane:
     """A sheet of light ``n · X = d`` in the camera frame.
 

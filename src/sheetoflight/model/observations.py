@@ -10,7 +10,7 @@ from sheetoflight.errors import InputError
 from sheetoflight.geometry.directions import Array
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class TargetViews:
     """Image points of the target's markers in the views of one stage.
 
@@ -48,7 +48,16 @@ class TargetViews:
                 f"std has shape {np.shape(self.std)}, expected {uv.shape[:2]}",
                 "give one standard uncertainty for each marker",
             )
+        uv[~np.isfinite(uv).all(axis=-1)] = np.nan
         uv.setflags(write=False)
+        if self.std is not None:
+            std = np.array(self.std, dtype=float)
+            if (std <= 0).any():
+                raise InputError(
+                    "a std of image points is zero or negative", "give values above zero, or NaN"
+                )
+            std.setflags(write=False)
+            object.__setattr__(self, "std", std)
         object.__setattr__(self, "names", tuple(self.names))
         object.__setattr__(self, "uv", uv)
 
@@ -72,7 +81,7 @@ def no_views(markers: int = 3) -> TargetViews:
     return TargetViews((), np.empty((0, markers, 2)))
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Observations:
     """All views of a rig, by stage.
 
