@@ -19,7 +19,6 @@ __version__ = "0.1.0"
 
 if TYPE_CHECKING:
     from sheetoflight.calibration.methods import CalibrationOptions as CalibrationOptions
-    from sheetoflight.calibration.methods import calibrate as calibrate
     from sheetoflight.errors import FileError as FileError
     from sheetoflight.errors import InputError as InputError
     from sheetoflight.errors import SheetOfLightError as SheetOfLightError
@@ -32,6 +31,7 @@ if TYPE_CHECKING:
     from sheetoflight.model.observations import TargetViews as TargetViews
     from sheetoflight.model.rig import Rig as Rig
     from sheetoflight.model.target import CollinearTarget as CollinearTarget
+    from sheetoflight.workflow.calibrated import calibrate as calibrate
     from sheetoflight.workflow.calibrated import load_calibration as load_calibration
     from sheetoflight.workflow.rig_folder import load_rig as load_rig
 
@@ -49,7 +49,7 @@ _HOMES = {
     "TargetViews": "model.observations",
     "ToleranceError": "errors",
     "UntrustworthyError": "errors",
-    "calibrate": "calibration.methods",
+    "calibrate": "workflow.calibrated",
     "load_calibration": "workflow.calibrated",
     "load_rig": "workflow.rig_folder",
 }

@@ -19,7 +19,7 @@ from bench.solver import (
     speed_ratio,
     starting_state,
 )
-from bench.zhang import TRUTH, zhang_trials
+from bench.zhang import zhang_trials
 
 ZHANG_LIMIT_PERCENT = 0.45
 
@@ -46,7 +46,6 @@ def test_zhang_in_full() -> None:
     # 600 of them: their variance scatters by 6 %, four of which are exceeded with odds 6e-5
     normalised = result.errors / result.std
     assert np.mean(normalised**2) == pytest.approx(1.0, abs=4 * np.sqrt(2 / 600))
-    assert TRUTH.alpha == 1000.0
 
 
 def joint_limit(case: Case, column: int) -> float:
@@ -71,8 +70,8 @@ def test_seed_rig_short() -> None:
 def test_seed_rig_joint_in_full(case: Case) -> None:
     """The promised joint column within 20 %, at 450 mm.
 
-    The case of 0.3 px is left to `test_errors_are_proportional_to_the_noise`: its promise, 2.2 times
-    that of 0.1 px, lies below the Cramér–Rao bound, which is 3 times it.
+    The case of 0.3 px is left to `test_errors_are_proportional_to_the_noise`: its promise, 2.2
+    times that of 0.1 px, lies below the Cramér–Rao bound, which is 3 times it.
     """
     errors = np.abs(length_errors(case, "joint", 300)).mean(axis=(0, 2))
     assert errors[1] <= joint_limit(case, 1)

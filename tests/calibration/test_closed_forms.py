@@ -87,7 +87,7 @@ def test_the_depth_error_of_a_tilted_target_is_common_to_its_markers() -> None:
     """Why the paper's pipeline loses: 0.1 px move a whole tilted target by a millimetre."""
     camera = Camera((1392, 1040), 2298.711, 2288.767, 689.341, 537.903)
     target = np.array([0.0, 200.0, 400.0])[:, None] * np.array([0.5, 0.0, np.sqrt(0.75)])
-    points = np.broadcast_to(target + [-100.0, 0.0, 900.0], (400, 3, 3))
+    points = np.broadcast_to(target + np.array([-100.0, 0.0, 900.0]), (400, 3, 3))
     uv = camera.project(points)
     noisy = uv + np.random.default_rng(2).normal(scale=0.1, size=uv.shape)
     found = triangulated_targets(noisy, np.array(200.0), np.array(200.0), camera)

@@ -89,7 +89,7 @@ def test_results_can_be_read_by_programs(
 
 def test_the_same_input_gives_the_same_bytes(rendered: Path, tmp_path: Path, sol: Words) -> None:
     for name in ("one.json", "two.json"):
-        words = ("--method", "paper", "--population", 40, "--generations", 10, "--seed", 5)
+        words = ("--method", "paper", "--population", 80, "--generations", 60, "--seed", 5)
         assert sol("calibrate", rendered, "-o", tmp_path / name, *words)[0] == 0
     assert (tmp_path / "one.json").read_bytes() == (tmp_path / "two.json").read_bytes()
 
@@ -272,3 +272,63 @@ def test_a_folder_that_cannot_be_written(calibration: Path, tmp_path: Path, sol:
     expect_error(
         sol("report", calibration, "-o", tmp_path / "no" / "report.html"), 2, "report.html"
     )
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        ("--population", "0"),
+        ("--generations", "-3"),
+        ("--seed", "-1"),
+        ("--threshold", "0"),
+        ("--threshold", "nan"),
+    ],
+    ids=" ".join,
+)
+def test_searches_that_cannot_be(
+    words: tuple[str, ...], rendered: Path, tmp_path: Path, sol: Words
+) -> None:
+    result = sol("calibrate", rendered, "-o", tmp_path / "c.json", "--method", "paper", *words)
+    expect_error(result, 2, "give")
+    assert not (tmp_path / "c.json").exists()
+
+
+def test_a_search_cut_short_is_no_result(rendered: Path, tmp_path: Path, sol: Words) -> None:
+    words = ("--method", "paper", "--population", 2, "--generations", 1)
+    result = sol("calibrate", rendered, "-o", tmp_path / "c.json", *words)
+    expect_error(result, 3, "genetic search", "--generations")
+
+
+def test_an_input_is_never_overwritten(calibration: Path, rig_folder: Path, sol: Words) -> None:
+    table = rig_folder / "segments.csv"
+    table.write_text("segment,u1,v1,u2,v2\nrail,900,300,950,700\n")
+    before = {path: path.read_bytes() for path in (calibration, table, rig_folder / "rig.toml")}
+    for output in before:
+        expect_error(sol("measure", calibration, table, "-o", output), 2, output.name)
+        expect_error(sol("calibrate", rig_folder, "-o", rig_folder / "points.csv"), 2)
+    assert {path: path.read_bytes() for path in before} == before
+
+
+def test_a_view_of_the_other_stage_is_named(rig_folder: Path, sol: Words) -> None:
+    edited(
+        rig_folder / "points.csv",
+        lambda lines: [*lines, *(line.replace("plane01,plane", "stray,camera")
+                                 for line in lines if "plane01" in line)],
+    )  # fmt: skip
+    expect_error(sol("calibrate", rig_folder, "-o", rig_folder / "c.json"), 2, "stray", "marker 0")
+
+
+def test_a_marker_that_is_off_is_named(rig_folder: Path, sol: Words) -> None:
+    def shifted(lines: list[str]) -> list[str]:
+        cells = [line.split(",") for line in lines]
+        return [
+            ",".join([*c[:3], str(float(c[3]) + 15.0), *c[4:]])
+            if c[:3] == ["camera03", "camera", "2"]
+            else ",".join(c)
+            for c in cells
+        ]
+
+    edited(rig_folder / "points.csv", shifted)
+    status, _, error = sol("calibrate", rig_folder, "-o", rig_folder / "c.json")
+    assert status in (0, 3)
+    assert "camera03" in error or "focal length" in error

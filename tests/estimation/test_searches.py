@@ -43,9 +43,7 @@ def test_the_genetic_search_ends_at_a_known_minimum() -> None:
     def objective(x: np.ndarray) -> np.ndarray:
         return np.sum((x - centre) ** 2 * [1.0, 10.0, 100.0], axis=1)
 
-    found = genetic_minimum(
-        objective, centre - [0.7, 0.4, 0.9], centre + [0.5, 0.6, 0.2], GeneticOptions()
-    )
+    found = genetic_minimum(objective, centre - 0.7, centre + 0.5, GeneticOptions())
     assert np.abs(found - centre).max() < 1e-3
 
 

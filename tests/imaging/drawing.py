@@ -66,7 +66,7 @@ def draw(
     (offset mm, sigma mm, peak relative to the paper's ambient brightness), along the axis.
     """
     height, width = shape
-    canvas = np.full(shape, wall) if background is None else background.astype(float).copy()
+    canvas = np.full(shape, float(wall)) if background is None else background.astype(float).copy()
     reach = np.array(
         [[markers[0] - size, -size], [markers[-1] + size, -size],
          [markers[0] - size, size], [markers[-1] + size, size]]

@@ -95,7 +95,7 @@ def test_a_simulation_replaces_only_a_simulation(rig_folder: Path) -> None:
     assert len(list((rig_folder / "camera").iterdir())) == 1
     assert not (rig_folder / "points.csv").exists()
     (rig_folder / "truth.json").unlink()
-    with pytest.raises(InputError, match="no simulation made"):
+    with pytest.raises(InputError, match="no simulation"):
         simulate(rig_folder, few)
     assert (rig_folder / "rig.toml").exists()
 

@@ -13,6 +13,7 @@ from sheetoflight.cli.telling import (
     AsJson,
     on_all_cores,
     plain_table,
+    refuse_to_overwrite,
     tell,
     tell_json,
     tell_table,
@@ -22,6 +23,7 @@ from sheetoflight.estimation.genetic import GeneticOptions
 from sheetoflight.model.calibration import Calibration
 from sheetoflight.workflow.calibrated import calibrate_folder
 
+_UNITS = {**dict.fromkeys(("alpha", "beta", "gamma", "u0", "v0"), "px"), "d": "mm"}
 _GENETIC = GeneticOptions()
 _PAPER = PaperOptions()
 
@@ -63,6 +65,7 @@ def calibrate(
     options = CalibrationOptions(
         PaperOptions(threshold_mm=threshold, genetic=GeneticOptions(population, generations, seed))
     )
+    refuse_to_overwrite(output, ())
     with on_all_cores() as run:
         calibration = calibrate_folder(folder, method, options, run)
     calibration.save(output)
@@ -99,7 +102,7 @@ def tell_calibration(calibration: Calibration) -> None:
     table = plain_table(
         f"Calibration by method {calibration.method}",
         ("parameter",),
-        ("value", "standard uncertainty"),
+        ("value", "standard uncertainty", "unit"),
     )
     plane = calibration.light_plane
     values = dict(
@@ -117,7 +120,8 @@ def tell_calibration(calibration: Calibration) -> None:
     }
     for name, value in values.items():
         if name in calibration.covariance.parameters:
-            table.add_row(name, f"{value:.6g}", f"{calibration.covariance.std(name):.2g}")
+            std = calibration.covariance.std(name)
+            table.add_row(name, f"{value:.6g}", f"{std:.2g}", _UNITS.get(name.split(".")[1], ""))
     tell_table(table)
     views = {}
     for view in calibration.residuals.views:

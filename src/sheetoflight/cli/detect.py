@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from sheetoflight.cli.telling import AsJson, on_all_cores, tell, tell_json, warn
-from sheetoflight.workflow.rig_folder import POINTS
+from sheetoflight.workflow.rig_folder import POINTS, STAGES
 from sheetoflight.workflow.rig_folder import detect as detect_folder
 
 
@@ -29,6 +29,9 @@ def detect(folder: Path, /, *, json: AsJson = False) -> None:
         ]
         tell_json({"file": str(folder / POINTS), "seen": counts, "missed": missed})
         return
+    for stage in STAGES:
+        if stage not in counts:
+            warn(f"{folder} has no folder {stage}/ with pictures")
     for missed in detection.missed:
         warn(f"{missed.stage}/{missed.view}: {missed.reason}")
     for stage, count in counts.items():

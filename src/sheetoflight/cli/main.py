@@ -25,7 +25,7 @@ Example: sol demo demo/""",
 
 Print it at 100 %, glue it to something stiff and straight, and measure the marker distances.
 
-Example: sol target target.pdf --markers-mm 0 120 240 --page a4""",
+Example: sol target target.pdf --markers-mm 0 100 200 --page a4""",
     "simulate": """Render a rig folder with pictures, and the truth beside it.
 
 Example: sol simulate rig/ --seed 1 --distortion -0.1 0.05 0 0 0""",
@@ -61,6 +61,7 @@ app = App(
     "  sol report calibration.json rig/measure -o report.html",
     help_format="plaintext",
     result_action="return_value",
+    suppress_keyboard_interrupt=False,
     default_parameter=Parameter(negative_iterable=()),
 )
 for _name, _help in COMMANDS.items():
@@ -72,8 +73,12 @@ def main(words: Sequence[str] | None = None) -> int:
     """Run one command and return its exit status."""
     try:
         app(words, exit_on_error=False, print_error=False)
+        sys.stdout.flush()
     except CycloptsError as error:
-        return _told(f"{_one_line(str(error))} – see sol --help, or sol COMMAND --help", _BAD_USAGE)
+        return _told(
+            f"{_one_line(str(error)).rstrip('.')} – see sol --help, or sol COMMAND --help",
+            _BAD_USAGE,
+        )
     except SheetOfLightError as error:
         return _told(_one_line(str(error)), error.exit_status)
     except KeyboardInterrupt:
@@ -82,6 +87,12 @@ def main(words: Sequence[str] | None = None) -> int:
         # whoever read our output has gone; do not let the interpreter complain while closing
         sys.stdout = None
         return _BROKEN_PIPE
+    except OSError as error:
+        sys.stdout = None
+        return _told(
+            f"the result cannot be written ({error.strerror}) – make room, or write elsewhere",
+            _BAD_USAGE,
+        )
     return 0
 
 

@@ -7,7 +7,16 @@ from typing import Annotated
 
 from cyclopts import Parameter
 
-from sheetoflight.cli.telling import AsJson, on_all_cores, plain_table, tell_json, tell_table, warn
+from sheetoflight.cli.telling import (
+    AsJson,
+    on_all_cores,
+    plain_table,
+    refuse_to_overwrite,
+    tell,
+    tell_json,
+    tell_table,
+    warn,
+)
 from sheetoflight.errors import InputError, UntrustworthyError
 from sheetoflight.io.segments_csv import write_lengths
 from sheetoflight.model.calibration import Calibration
@@ -41,6 +50,8 @@ def measure(
     json
         Print the lengths as JSON.
     """
+    if output:
+        refuse_to_overwrite(output, [calibration, *inputs])
     known = load_calibration(calibration)
     tables = [path for path in inputs if path.suffix.lower() == ".csv"]
     if tables and len(inputs) > 1:
@@ -53,7 +64,9 @@ def measure(
         write_lengths(output, [measured.row for measured in found])
     if json:
         tell_json({"lengths": [_document(measured) for measured in found]})
-    elif not output:
+    elif output:
+        tell(f"{len(found)} lengths written to {output}")
+    else:
         _tell(found)
 
 

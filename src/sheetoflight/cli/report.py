@@ -7,7 +7,8 @@ from typing import Annotated
 
 from cyclopts import Parameter
 
-from sheetoflight.cli.telling import on_all_cores, tell
+from sheetoflight.cli.telling import on_all_cores, refuse_to_overwrite, tell
+from sheetoflight.errors import InputError
 from sheetoflight.workflow.calibrated import load_calibration
 from sheetoflight.workflow.measured import measure_pictures, pictures_named
 from sheetoflight.workflow.reported import write_report
@@ -31,6 +32,12 @@ def report(
     output
         Where to write the page.
     """
+    refuse_to_overwrite(output, [calibration, *(pictures or [])])
+    for path in pictures or []:
+        if path.suffix.lower() == ".csv":
+            raise InputError(
+                f"{path} is a table", "give pictures; lengths of a segments.csv: sol measure"
+            )
     known = load_calibration(calibration)
     with on_all_cores() as run:
         measured = measure_pictures(known, pictures_named(pictures or []), run)

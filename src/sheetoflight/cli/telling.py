@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import json
 import sys
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
+from pathlib import Path
 from typing import Annotated, Any
 
 from cyclopts import Parameter
@@ -13,12 +14,14 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 from rich.table import Table
 
+from sheetoflight.errors import InputError
 from sheetoflight.workflow.spread import Execution, cores
 
 AsJson = Annotated[bool, Parameter(name="--json", negative=())]
 """The flag of commands whose result programs read."""
 
 _PLAIN_WIDTH = 100
+_RIG_FILES = frozenset(("rig.toml", "points.csv", "truth.json"))
 
 
 @contextmanager
@@ -55,6 +58,21 @@ def tell_table(table: Table) -> None:
     """Print a table, as wide as the terminal, or 100 columns where there is none."""
     console = Console(width=None if sys.stdout.isatty() else _PLAIN_WIDTH, highlight=False)
     console.print(table)
+
+
+def refuse_to_overwrite(output: Path, inputs: Iterable[Path]) -> None:
+    """Keep a command from writing its result over what it reads.
+
+    Raises
+    ------
+    InputError
+        If the output is one of the inputs, or lies among the files of a rig folder.
+    """
+    for path in inputs:
+        if output.resolve() == path.resolve():
+            raise InputError(f"the output {output} is also an input", "name another file")
+    if output.name in _RIG_FILES and output.exists():
+        raise InputError(f"{output} belongs to a rig folder", "name another file")
 
 
 def tell(text: str) -> None:

@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+import shutil
+import tempfile
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 from sheetoflight.errors import FileError
@@ -26,3 +30,50 @@ def made_folder(path: str | Path) -> Path:
             "name another folder, or change who may write there",
         ) from error
     return folder
+
+
+@contextmanager
+def working_folder(beside: Path) -> Iterator[Path]:
+    """A folder beside another one, gone at the end whatever happens.
+
+    Raises
+    ------
+    FileError
+        If it cannot be made.
+    """
+    try:
+        work = Path(tempfile.mkdtemp(prefix=f".{beside.name}-", dir=beside.parent))
+    except OSError as error:
+        raise FileError(
+            f"{file_name(beside)} cannot be written ({error.strerror})",
+            "name another folder, or change who may write there",
+        ) from error
+    try:
+        yield work
+    finally:
+        shutil.rmtree(work, ignore_errors=True)
+
+
+def put_in_place(work: Path, folder: Path, replaced: Iterable[str]) -> None:
+    """Move all that a working folder holds into a folder, `replaced` things of which go first.
+
+    Raises
+    ------
+    FileError
+        If something cannot be moved.
+    """
+    made_folder(folder)
+    try:
+        for name in replaced:
+            old = folder / name
+            if old.is_dir():
+                shutil.rmtree(old)
+            else:
+                old.unlink(missing_ok=True)
+        for path in sorted(work.iterdir()):
+            path.rename(folder / path.name)
+    except OSError as error:
+        raise FileError(
+            f"{file_name(folder)} cannot be written ({error.strerror})",
+            "name another folder, or change who may write there",
+        ) from error

@@ -195,7 +195,7 @@ def _picture_paths(folder: Path) -> list[Path]:
 def _name_and_light(path: Path) -> tuple[str, str]:
     """The view's name, and ``off``, ``on`` or nothing."""
     name, _, light = path.stem.rpartition("_")
-    return (name, light) if name and light in ("off", "on") else (path.stem, "")
+    return (name, light.lower()) if name and light.lower() in ("off", "on") else (path.stem, "")
 
 
 def _picture_file(name: str, found: dict[tuple[str, str], Path]) -> PictureFile:

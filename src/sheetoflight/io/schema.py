@@ -65,9 +65,7 @@ def _input_error(model: type[BaseModel], problem: dict[str, Any]) -> InputError:
         case "extra_forbidden":
             return _unknown_key(model, location)
         case "missing":
-            return InputError(
-                f"{_owner(location)}'{location[-1]}' is missing", "add it, as the manual shows"
-            )
+            return InputError(f"{_owner(location)}'{location[-1]}' is missing", "add it")
     expected = _EXPECTED.get(problem["type"])
     wanted = (
         expected.format(**problem.get("ctx", {})) if expected else one_line(str(problem["msg"]))

@@ -8,14 +8,15 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
-from sheetoflight.calibration.methods import CalibrationOptions, calibrate
+from sheetoflight.calibration import methods
+from sheetoflight.calibration.methods import CalibrationOptions
 from sheetoflight.io.calibration_json import read_calibration
 from sheetoflight.model.calibration import Calibration
 from sheetoflight.model.rig import Rig
 from sheetoflight.workflow.rig_folder import load_rig
 from sheetoflight.workflow.spread import ALONE, Execution
 
-_LIBRARIES = ("numpy", "scipy", "opencv-python-headless")
+_LIBRARIES = ("numpy", "scipy", "opencv-python-headless", "pymoo")
 
 
 def load_calibration(path: str | Path) -> Calibration:
@@ -44,15 +45,15 @@ def calibrate_folder(
     UntrustworthyError
         If no trustworthy number can be had from these views.
     """
-    return calibrate_rig(load_rig(folder, run), method, options)
+    return calibrate(load_rig(folder, run), method, options)
 
 
-def calibrate_rig(
+def calibrate(
     rig: Rig, method: str = "joint", options: CalibrationOptions | None = None
 ) -> Calibration:
-    """Calibrate a loaded rig, noting in the result what was used."""
+    """Calibrate a rig, noting in the result what was used; see `calibration.methods.calibrate`."""
     options = options or CalibrationOptions()
-    calibration = calibrate(rig, method, options)
+    calibration = methods.calibrate(rig, method, options)
     return replace(calibration, provenance=_provenance(rig, method, options))
 
 

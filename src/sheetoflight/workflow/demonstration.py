@@ -17,7 +17,7 @@ from sheetoflight.model.calibration import Calibration
 from sheetoflight.report.contents import Table
 from sheetoflight.simulation.poses import segments_in_sheet
 from sheetoflight.simulation.rig import paper_rig
-from sheetoflight.workflow.calibrated import calibrate_rig
+from sheetoflight.workflow.calibrated import calibrate
 from sheetoflight.workflow.measured import PictureLengths, measure_pictures, piece_lengths
 from sheetoflight.workflow.reported import write_report
 from sheetoflight.workflow.rig_folder import detect
@@ -115,7 +115,7 @@ def demonstrate(
     calibrations: dict[str, Calibration] = {}
     for done, method in enumerate(methods):
         run.progress("calibrate", done, len(methods))
-        calibrations[method] = calibrate_rig(detection.rig, method)
+        calibrations[method] = calibrate(detection.rig, method)
         calibrations[method].save(folder / f"calibration-{method}.json")
     run.progress("calibrate", len(methods), len(methods))
     best = calibrations[methods[0]]

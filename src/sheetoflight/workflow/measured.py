@@ -74,9 +74,10 @@ def pictures_named(paths: Sequence[str | Path]) -> list[PictureFile]:
         If a path is missing, or a folder holds no picture.
     """
     files: list[PictureFile] = []
-    single = [Path(path) for path in paths if not Path(path).is_dir()]
+    paths = list(dict.fromkeys(Path(path) for path in paths))
+    single = [path for path in paths if not path.is_dir()]
     for path in paths:
-        if Path(path).is_dir():
+        if path.is_dir():
             files += list_pictures(path)
     return [*files, *picture_files(single)] if single else files
 

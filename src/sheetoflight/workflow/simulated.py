@@ -10,7 +10,7 @@ from typing import Any
 
 from sheetoflight.errors import InputError
 from sheetoflight.io.documents import write_json
-from sheetoflight.io.folders import made_folder
+from sheetoflight.io.folders import made_folder, put_in_place, working_folder
 from sheetoflight.io.pictures import write_picture
 from sheetoflight.io.rig_toml import write_rig_toml
 from sheetoflight.model.rig import Rig
@@ -108,16 +108,18 @@ def simulate(
         view_options,
         options.seed,
     )
-    _clear(folder)
+    _refuse_foreign(folder)
     truth = folder_truth(truth_rig, tasks)
-    # first the mark of a simulation, so that a run cut short can be repeated
-    write_json(folder / TRUTH, truth)
-    for stage in dict.fromkeys(task.stage for task in tasks):
-        made_folder(folder / stage)
-    jobs = [(task, folder / task.stage / f"{task.name}.png") for task in tasks]
-    for _ in spread(_rendered, jobs, "render", run):
-        pass
-    write_rig_toml(folder / "rig.toml", _known(truth_rig, options))
+    made_folder(folder.parent)
+    with working_folder(folder) as work:
+        for stage in dict.fromkeys(task.stage for task in tasks):
+            made_folder(work / stage)
+        jobs = [(task, work / task.stage / f"{task.name}.png") for task in tasks]
+        for _ in spread(_rendered, jobs, "render", run):
+            pass
+        write_rig_toml(work / "rig.toml", _known(truth_rig, options))
+        write_json(work / TRUTH, truth)
+        put_in_place(work, folder, _MADE_HERE)
     return truth
 
 
@@ -134,17 +136,14 @@ def _known(rig: SimulatedRig, options: SimulationOptions) -> Rig:
     return Rig(rig.target, rig.camera.image_size, distortion=model)
 
 
-def _clear(folder: Path) -> None:
-    """Make the folder, or empty it of an earlier simulation and of nothing else."""
-    made_folder(folder)
+def _refuse_foreign(folder: Path) -> None:
+    """An earlier simulation may be replaced, nothing else."""
+    if not folder.is_dir():
+        return
     present = {path.name for path in folder.iterdir()}
-    if present & _MADE_HERE and TRUTH not in present:
+    if present and TRUTH not in present:
         raise InputError(
-            f"{folder} holds {', '.join(sorted(present & _MADE_HERE))} that no simulation made "
-            f"(there is no {TRUTH})",
-            "name another folder",
+            f"{folder} holds {', '.join(sorted(present)[:3])} and no {TRUTH}, so no simulation "
+            "made it",
+            "name a new or empty folder",
         )
-    for stage in ("camera", "plane", "measure"):
-        for picture in sorted((folder / stage).glob("*.png")):
-            picture.unlink()
-    (folder / "points.csv").unlink(missing_ok=True)

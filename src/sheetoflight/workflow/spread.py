@@ -3,11 +3,16 @@
 from __future__ import annotations
 
 import os
+import signal
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
+from concurrent.futures.process import BrokenProcessPool
+from contextlib import contextmanager
 from dataclasses import dataclass
 from multiprocessing import get_context
 from typing import TypeVar
+
+from sheetoflight.errors import InputError
 
 Item = TypeVar("Item")
 Result = TypeVar("Result")
@@ -67,16 +72,36 @@ def spread(
             run.progress(what, done, len(items))
         return
     # new interpreters rather than forks: libraries with threads of their own do not survive one
-    with ProcessPoolExecutor(
+    pool = ProcessPoolExecutor(
         min(run.processes, len(items)),
         mp_context=get_context("spawn"),
         initializer=_one_thread_each,
-    ) as pool:
-        for done, result in enumerate(pool.map(function, items), start=1):
+    )
+    try:
+        with _interrupts_kept_from_children():
+            results = pool.map(function, items)
+        for done, result in enumerate(results, start=1):
             yield result
             run.progress(what, done, len(items))
+    except BrokenProcessPool as error:
+        raise InputError(
+            f"{what}: a process that shared the work was ended from outside",
+            "close other programs, memory may be short; then try again",
+        ) from error
+    finally:
+        pool.shutdown(cancel_futures=True)
 
 
 def _one_thread_each() -> None:
     """The processes share the cores already; read by the libraries when they load."""
     os.environ["OPENCV_FOR_THREADS_NUM"] = os.environ["OPENBLAS_NUM_THREADS"] = "1"
+
+
+@contextmanager
+def _interrupts_kept_from_children() -> Iterator[None]:
+    """Processes started meanwhile leave Ctrl-C to this one, which then ends them in order."""
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)

@@ -39,19 +39,23 @@ class Candidate:
         return float(np.sqrt(abs(np.linalg.det(self.frame))))
 
 
-def without_duplicates(found: list[tuple[float, Candidate]]) -> list[Candidate]:
-    """The candidates given with their errors, less those that repeat a better one.
+def without_duplicates(found: list[tuple[float, Candidate]], most: int) -> list[Candidate]:
+    """The best candidates given with their errors, at most so many, none of them twice.
 
     Two are the same marker if one's centre lies well within the other's outline and their
     sizes are alike.
     """
+    ranked = [candidate for _, candidate in sorted(found, key=lambda pair: pair[0])]
+    centres = np.array([c.centre for c in ranked]).reshape(-1, 2)
+    radii = np.array([c.radius for c in ranked])
+    left = np.ones(len(ranked), bool)
     kept: list[Candidate] = []
-    for _, candidate in sorted(found, key=lambda pair: pair[0]):
-        if not any(_same(candidate, other) for other in kept):
+    for i, candidate in enumerate(ranked):
+        if len(kept) == most:
+            break
+        if left[i]:
             kept.append(candidate)
+            near = np.hypot(*(centres - centres[i]).T) < 0.5 * np.maximum(radii, radii[i])
+            alike = (radii < 2.0 * radii[i]) & (radii > 0.5 * radii[i])
+            left &= ~(near & alike)
     return kept
-
-
-def _same(one: Candidate, other: Candidate) -> bool:
-    near = float(np.linalg.norm(one.centre - other.centre)) < 0.5 * max(one.radius, other.radius)
-    return near and 0.5 < one.radius / other.radius < 2.0

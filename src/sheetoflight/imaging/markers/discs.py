@@ -23,6 +23,8 @@ class DiscOptions:
         Levels of the picture pyramid, each half as large as the one before.
     radii_px : (float, float)
         Smallest and largest radius looked for on a level.
+    most : int
+        How many candidates are kept, those with the truest outline.
     least_contrast, least_contrast_in_noise : float
         Smallest difference of disc and surround: grey values (of 255), and multiples of the
         picture's noise; the larger of the two counts.
@@ -34,6 +36,7 @@ class DiscOptions:
 
     levels: int = 5
     radii_px: tuple[float, float] = (3.0, 16.0)
+    most: int = 150
     least_contrast: float = 8.0
     least_contrast_in_noise: float = 5.0
     least_axis_ratio: float = 0.25
@@ -55,7 +58,7 @@ def disc_candidates(picture: GreyPicture, options: DiscOptions = DiscOptions()) 
         # The line is as bright as a light disc it runs through, but narrow: it is opened away.
         found += _blobs(held_down(values), size, contrast, True, options)
         found += _blobs(opened(values), size, contrast, False, options)
-    return without_duplicates(found)
+    return without_duplicates(found, options.most)
 
 
 def _blobs(

@@ -60,8 +60,6 @@ class MarkerFit:
         Of `uv`, px².
     shape : Candidate
         The outline about its own middle, and the contrast, as fitted.
-    blur : float
-        Standard deviation of the edges' smoothing, px.
     explained : float
         Share of the grey values' variance that the fit explains.
     """
@@ -69,7 +67,6 @@ class MarkerFit:
     uv: Array
     covariance: Array
     shape: Candidate
-    blur: float
     explained: float
 
 
@@ -122,7 +119,7 @@ def fitted_marker(
         candidate.centre + values[outline.OUTLINE], outline.frame_of(values), contrast, surround
     )
     uv = candidate.centre + values[centre]
-    return MarkerFit(uv, covariance, shape, outline.blur_of(values), explained)
+    return MarkerFit(uv, covariance, shape, explained)
 
 
 def _pixels(picture: GreyPicture, candidate: Candidate, options: FitOptions) -> tuple[Array, Array]:
@@ -194,7 +191,7 @@ def _solved(start: Array, seen: _Seen) -> _State | None:
         normal = information / np.outer(scale, scale) + damping * np.eye(len(start))
         gradient = state.jacobian.T @ (state.weights * state.residuals)
         step = np.linalg.solve(normal, gradient / scale) / scale
-        trial = _state(state.values + step, seen)
+        trial = _state(outline.bounded(state.values + step), seen)
         cost = float(state.weights @ state.residuals**2)
         if float(state.weights @ trial.residuals**2) <= cost * (1 + 1e-12):
             state = trial

@@ -75,7 +75,8 @@ def grey_picture(image: np.ndarray) -> GreyPicture:
 
 
 def _grey(values: Picture) -> Picture:
-    return np.asarray(cv2.cvtColor(np.ascontiguousarray(values), cv2.COLOR_BGR2GRAY))
+    grey = cv2.cvtColor(np.ascontiguousarray(values), cv2.COLOR_BGR2GRAY)
+    return np.asarray(grey, dtype=np.float32)
 
 
 def _quantum(image: np.ndarray, peak: float) -> float:

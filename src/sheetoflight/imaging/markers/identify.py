@@ -34,6 +34,8 @@ class IdentifyOptions:
     shapes : bool
         Whether quarters and sizes of the further markers must agree as well; without, a
         candidate at the right place is enough.
+    most_pairs : int
+        How many pairs are followed up, best first; a wall of equal discs has very many.
     """
 
     distance: float = 0.35
@@ -43,6 +45,7 @@ class IdentifyOptions:
     quarter_rad: float = 0.35
     size: float = 0.5
     shapes: bool = False
+    most_pairs: int = 1000
 
 
 COARSE = IdentifyOptions()
@@ -156,14 +159,18 @@ class _Field:
         self._black_along = self._along([1.0, 1.0])
         self._white_along = self._along([1.0, -1.0])
 
-    def pairs(self) -> Iterator[_Pair]:
-        """Every two markers, and candidates that may be they."""
+    def pairs(self) -> list[_Pair]:
+        """Every two markers, and candidates that may be they, best first."""
+        found: list[_Pair] = []
         count = len(self._positions)
         for first in range(count):
             for second in range(first + 1, count):
                 misfits = self._misfits(first, second)
-                for i, j in np.argwhere(misfits < 1.0):
-                    yield _Pair(first, second, int(i), int(j), float(misfits[i, j]))
+                found += [
+                    _Pair(first, second, int(i), int(j), float(misfits[i, j]))
+                    for i, j in np.argwhere(misfits < 1.0)
+                ]
+        return sorted(found, key=lambda pair: pair.misfit)[: self._options.most_pairs]
 
     def others(self, pair: _Pair) -> list[int]:
         """The markers that a pair leaves to be found."""

@@ -172,8 +172,8 @@ def _course(points: Array, normal: Array, options: LineLightOptions) -> _Course:
             kept = np.ones(len(a), bool)
     low, high = np.percentile(a[kept], [1, 99])
     # a and n at full resolution are twice those at half: p(a) becomes 2 p(a/2).
-    c = bend.coef
-    full = np.polynomial.Polynomial(2.0 * c * 0.5 ** np.arange(len(c)))
+    coefficients = np.array(bend.coef, dtype=float)
+    full = np.polynomial.Polynomial(2.0 * coefficients * 0.5 ** np.arange(len(coefficients)))
     room = 0.1 * (high - low)
     return _Course(2 * origin, along, full, 2 * (low - room), 2 * (high + room))
 

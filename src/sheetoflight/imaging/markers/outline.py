@@ -33,6 +33,7 @@ _EDGES = (12, 13)
 _EDGE_PARAMETERS = slice(10, 14)
 _DISC_PARAMETERS, _QUADRANT_PARAMETERS = 10, 14
 _LINE_PARAMETERS = 3
+_NARROWEST_PX, _WIDEST_PX = 0.1, 300.0
 
 
 @dataclass(frozen=True)
@@ -70,7 +71,8 @@ def starting_parameters(
     """Parameters of the formula for a candidate; its centre is ``x0`` and the origin."""
     values = np.zeros(_QUADRANT_PARAMETERS if quadrant else _DISC_PARAMETERS)
     inverse = np.linalg.inv(candidate.frame)
-    values[_FORM] = np.linalg.qr(inverse, mode="r")[np.triu_indices(2)]
+    form = np.linalg.qr(inverse).R
+    values[_FORM] = form[0, 0], form[0, 1], form[1, 1]
     values[_BLUR] = np.log(blur)
     values[_WHITE] = candidate.surround
     values[_INK] = candidate.contrast / candidate.surround
@@ -85,7 +87,7 @@ def starting_parameters(
 def frame_of(values: Array) -> Array:
     """The outline's and edges' `Candidate.frame`."""
     form = np.zeros((2, 2))
-    form[np.triu_indices(2)] = values[_FORM]
+    form[0, 0], form[0, 1], form[1, 1] = values[_FORM]
     if not _is_quadrant(values):
         return np.linalg.inv(form)
     unit = np.array([np.cos(values[list(_EDGES)]), np.sin(values[list(_EDGES)])])
@@ -97,9 +99,12 @@ def contrast_of(values: Array) -> tuple[float, float]:
     return float(values[_WHITE] * values[_INK]), float(values[_WHITE])
 
 
-def blur_of(values: Array) -> float:
-    """Standard deviation of the edges' smoothing, px."""
-    return float(np.exp(values[_BLUR]))
+def bounded(values: Array) -> Array:
+    """The parameters with their widths held to what a picture can show."""
+    inside = values.copy()
+    widths = [_BLUR] if len(values) in (_DISC_PARAMETERS, _QUADRANT_PARAMETERS) else [_BLUR, -1]
+    inside[widths] = np.clip(inside[widths], np.log(_NARROWEST_PX), np.log(_WIDEST_PX))
+    return inside
 
 
 def intensity(
@@ -144,9 +149,7 @@ def _is_quadrant(values: Array) -> bool:
     return len(values) >= _QUADRANT_PARAMETERS
 
 
-def _line_light(
-    values: Array, offsets: Array, line: LineLight | None, jacobian: Array
-) -> Array:
+def _line_light(values: Array, offsets: Array, line: LineLight | None, jacobian: Array) -> Array:
     """The stripe's light on the ground; writes its derivatives into the Jacobian."""
     if line is None:
         return np.zeros(len(offsets))

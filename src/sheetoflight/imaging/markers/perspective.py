@@ -38,3 +38,20 @@ def disc_centres(uv: Array, frames: Array, positions: Array) -> Array:
         half_chord = 1.0 / np.linalg.norm(np.linalg.solve(frames, unit[..., None])[..., 0], axis=1)
         centres = uv + (half_chord**2 * vanishing[2] / reach)[:, None] * unit
     return centres
+
+
+def bias_left(frames: Array, focal_px: float) -> Array:
+    """Standard uncertainty ``(M,)`` px of the bias that `disc_centres` cannot see.
+
+    A disc of semi-axes a > b is tilted by cos θ = b/a, and its ellipse's middle is off by
+    a² sin θ cos θ / f in some direction. Half of that as a variance is across the target.
+
+    Parameters
+    ----------
+    frames : (M, 2, 2) array
+    focal_px : float
+        Focal length in px, a rough one will do.
+    """
+    semi = np.linalg.svd(frames, compute_uv=False)
+    cosine = semi[..., 1] / semi[..., 0]
+    return semi[..., 0] ** 2 * cosine * np.sqrt(1.0 - cosine**2) / (np.sqrt(2.0) * focal_px)

@@ -22,7 +22,7 @@ def pyramid(values: Picture, levels: int) -> list[Picture]:
 def opened(values: Picture) -> Picture:
     """The picture without what is bright and narrower than 9 px."""
     narrow = cv2.getStructuringElement(cv2.MORPH_RECT, (_NARROW, _NARROW))
-    return np.asarray(cv2.morphologyEx(values, cv2.MORPH_OPEN, narrow))
+    return np.asarray(cv2.morphologyEx(values, cv2.MORPH_OPEN, narrow), dtype=np.float32)
 
 
 def held_down(values: Picture) -> Picture:

@@ -24,6 +24,8 @@ class QuadrantOptions:
         Levels of the picture pyramid, each half as large as the one before.
     saddles_per_level : int
         How many saddles are looked at on each level, strongest first.
+    most : int
+        How many candidates are kept, those with the truest outline.
     least_contrast, least_contrast_in_noise : float
         Smallest difference of black and white: grey values (of 255), and multiples of the
         picture's noise; the larger of the two counts.
@@ -36,6 +38,7 @@ class QuadrantOptions:
 
     levels: int = 5
     saddles_per_level: int = 400
+    most: int = 150
     least_contrast: float = 8.0
     least_contrast_in_noise: float = 5.0
     most_asymmetry: float = 0.2
@@ -64,11 +67,11 @@ def quadrant_candidates(
     """Patches of a picture that look like quadrant markers, of about 4 to 200 px radius."""
     contrast = max(options.least_contrast, options.least_contrast_in_noise * picture.noise)
     found: list[tuple[float, Candidate]] = []
-    for level, values in enumerate(pyramid(picture.values, options.levels)):
-        values = held_down(values)
+    for level, reduced in enumerate(pyramid(picture.values, options.levels)):
+        values = held_down(reduced)
         centres, _ = saddle_points(values, _SADDLE_SHARE * contrast, options.saddles_per_level)
         found += _verified(values, centres, 2.0**level, contrast, options)
-    return without_duplicates(found)
+    return without_duplicates(found, options.most)
 
 
 @dataclass(frozen=True)

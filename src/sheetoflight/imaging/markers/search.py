@@ -13,7 +13,7 @@ from sheetoflight.imaging.markers.grey import GreyPicture, grey_picture
 from sheetoflight.imaging.markers.identify import FINE, Match, largest_part, matches, spacing_error
 from sheetoflight.imaging.markers.laser_line import laser_along
 from sheetoflight.imaging.markers.line_light import bridged
-from sheetoflight.imaging.markers.perspective import disc_centres
+from sheetoflight.imaging.markers.perspective import bias_left, disc_centres
 from sheetoflight.imaging.markers.quadrants import quadrant_candidates
 from sheetoflight.imaging.markers.sighting import TargetSearch, TargetSighting, listed
 from sheetoflight.imaging.markers.strip import is_plain, strip_profiles
@@ -75,9 +75,7 @@ def _sightings(
     return found
 
 
-def _measured(
-    picture: GreyPicture, match: Match, target: CollinearTarget
-) -> TargetSighting | None:
+def _measured(picture: GreyPicture, match: Match, target: CollinearTarget) -> TargetSighting | None:
     """The sighting that a match gives, or None where closer inspection refutes it."""
     markers = match.markers
     strip = strip_profiles(picture, markers)
@@ -92,14 +90,15 @@ def _measured(
     shapes = [f.shape for f in fits]
     if not (matches(shapes, target, FINE) and is_plain(strip, shapes)):
         return None
-    return _sighting_of_quadrants(fits) if quadrant else _sighting_of_discs(fits, target)
+    if quadrant:
+        return _sighting(fits, np.array([f.uv for f in fits]), 0.0, ordered=True)
+    # Of a normal lens, the focal length is about the picture's diagonal.
+    return _sighting_of_discs(fits, target, float(np.hypot(*picture.values.shape)))
 
 
-def _sighting_of_quadrants(fits: list[MarkerFit]) -> TargetSighting:
-    return _sighting(fits, np.array([f.uv for f in fits]), ordered=True)
-
-
-def _sighting_of_discs(fits: list[MarkerFit], target: CollinearTarget) -> TargetSighting:
+def _sighting_of_discs(
+    fits: list[MarkerFit], target: CollinearTarget, focal_px: float
+) -> TargetSighting:
     """Discs do not say which is marker 0: the spacing may, or the left end is taken for it."""
     positions = target.positions
     forward = spacing_error([f.shape for f in fits], positions)
@@ -111,13 +110,17 @@ def _sighting_of_discs(fits: list[MarkerFit], target: CollinearTarget) -> Target
         fits = fits[::-1]
     uv = np.array([f.uv for f in fits])
     frames = np.array([f.shape.frame for f in fits])
-    return _sighting(fits, disc_centres(uv, frames, positions), ordered)
+    centres = disc_centres(uv, frames, positions)
+    return _sighting(fits, centres, bias_left(frames, focal_px), ordered)
 
 
-def _sighting(fits: list[MarkerFit], uv: np.ndarray, ordered: bool) -> TargetSighting:
+def _sighting(
+    fits: list[MarkerFit], uv: np.ndarray, bias: np.ndarray | float, ordered: bool
+) -> TargetSighting:
+    noise = np.array([np.sqrt(np.trace(f.covariance) / 2) for f in fits])
     return TargetSighting(
         uv=uv,
-        std=np.array([np.sqrt(np.trace(f.covariance) / 2) for f in fits]),
+        std=np.hypot(noise, bias),
         ordered=ordered,
         score=min(f.explained for f in fits),
         diameter=np.array([2 * f.shape.radius for f in fits]),

@@ -20,7 +20,8 @@ class TargetSighting:
         Image point of each marker in px; (0, 0) is the centre of the top-left pixel.
     std : (M,) array
         Standard uncertainty of each image coordinate in px, predicted from the grey values'
-        noise and the fit's information matrix.
+        noise and the fit's information matrix; for discs also the bias of their ellipses
+        across the target, which a single picture without K cannot tell.
     ordered : bool
         Whether the picture itself shows which end is marker 0. Where it does not (discs at
         symmetric distances), the left end comes first, or the upper one of two in a column.

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -87,7 +88,7 @@ def strip_profiles(
         count = round(options.sections * (high - low) / (at[-1] - at[0]))
         count = max(1, min(count, int((high - low) / _SHORTEST_SECTION)))
         edges = np.linspace(low, high, count + 1)
-        for start, end in zip(edges[:-1], edges[1:], strict=True):
+        for start, end in itertools.pairwise(edges):
             a = np.arange(start + 0.5, end)
             grid = centre + a[:, None, None] * along + across[None, :, None] * normal
             places.append((start + end) / 2)
