@@ -98,6 +98,6 @@ def draw(
     rows, columns = patch.shape
     value = value.reshape(rows, samples, columns, samples).mean((1, 3))
     canvas[low[1] : high[1], low[0] : high[0]] = value
-    canvas *= np.linspace(*light, width)
+    canvas *= np.linspace(light[0], light[1], width)
     canvas += np.random.default_rng(seed).normal(0, noise, shape) if noise else 0.0
     return np.clip(np.rint(canvas), 0, 255).astype(np.uint8)

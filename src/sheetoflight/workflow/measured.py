@@ -73,12 +73,9 @@ def pictures_named(paths: Sequence[str | Path]) -> list[PictureFile]:
     FileError, InputError
         If a path is missing, or a folder holds no picture.
     """
-    files: list[PictureFile] = []
-    paths = list(dict.fromkeys(Path(path) for path in paths))
-    single = [path for path in paths if not path.is_dir()]
-    for path in paths:
-        if path.is_dir():
-            files += list_pictures(path)
+    named = list(dict.fromkeys(Path(path) for path in paths))
+    single = [path for path in named if not path.is_dir()]
+    files = [file for path in named if path.is_dir() for file in list_pictures(path)]
     return [*files, *picture_files(single)] if single else files
 
 
