@@ -3,7 +3,12 @@
 from __future__ import annotations
 
 import json
+import os
 import shutil
+import signal
+import subprocess
+import sys
+import time
 from collections.abc import Callable
 from pathlib import Path
 
@@ -332,3 +337,22 @@ def test_a_marker_that_is_off_is_named(rig_folder: Path, sol: Words) -> None:
     status, _, error = sol("calibrate", rig_folder, "-o", rig_folder / "c.json")
     assert status in (0, 3)
     assert "camera03" in error or "focal length" in error
+
+
+def test_an_interrupt_ends_everything_and_leaves_nothing(tmp_path: Path) -> None:
+    """Ctrl-C in mid-rendering, as a terminal sends it: to the command and all its processes."""
+    words = ["simulate", str(tmp_path / "rig"), "--camera-views", "60", "--plane-views", "0"]
+    command = subprocess.Popen(
+        [sys.executable, "-m", "sheetoflight.cli.main", *words],
+        stderr=subprocess.PIPE,
+        start_new_session=True,
+        text=True,
+    )
+    deadline = time.monotonic() + 60
+    while not list(tmp_path.rglob("*.png")) and time.monotonic() < deadline:
+        time.sleep(0.05)
+    os.killpg(command.pid, signal.SIGINT)
+    _, error = command.communicate(timeout=60)
+    assert command.returncode == 130
+    assert error == "error: interrupted – nothing half-written was left\n"
+    assert list(tmp_path.iterdir()) == []

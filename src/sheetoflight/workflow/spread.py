@@ -9,7 +9,7 @@ from concurrent.futures import ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
 from dataclasses import dataclass
-from multiprocessing import get_context
+from multiprocessing import active_children, get_context
 from typing import TypeVar
 
 from sheetoflight.errors import InputError
@@ -72,6 +72,7 @@ def spread(
             run.progress(what, done, len(items))
         return
     # new interpreters rather than forks: libraries with threads of their own do not survive one
+    others = set(active_children())
     pool = ProcessPoolExecutor(
         min(run.processes, len(items)),
         mp_context=get_context("spawn"),
@@ -88,8 +89,12 @@ def spread(
             f"{what}: a process that shared the work was ended from outside",
             "close other programs, memory may be short; then try again",
         ) from error
-    finally:
-        pool.shutdown(cancel_futures=True)
+    except BaseException:  # an interrupt above all: do not wait for what nobody wants any more
+        pool.shutdown(wait=False, cancel_futures=True)
+        for child in set(active_children()) - others:
+            child.terminate()
+        raise
+    pool.shutdown()
 
 
 def _one_thread_each() -> None:
