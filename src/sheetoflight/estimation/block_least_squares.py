@@ -68,10 +68,21 @@ class BlockProblem(Protocol[State]):
 
 @dataclass(frozen=True)
 class SolverOptions:
-    """When to stop: the step would lower the cost by less than `tolerance` of it, or after
-    `iterations` steps; `damping` is relative to the diagonal of the normal equations."""
+    """When to stop, and how to begin.
 
-    tolerance: float = 1e-13
+    Parameters
+    ----------
+    tolerance : float
+        A step that promises to lower the cost by less than this part of it is the last. It is
+        some 1e-5 standard uncertainties long: too short for the linear model to be wrong about
+        it, so it is taken and not evaluated again.
+    iterations : int
+        The most steps.
+    damping : float
+        At the start, relative to the diagonal of the normal equations.
+    """
+
+    tolerance: float = 1e-11
     iterations: int = 300
     damping: float = 1e-7
 
@@ -162,10 +173,10 @@ def solve(
     while iterations < options.iterations and np.isfinite(cost):
         iterations += 1
         shared, local, gain = _step(parts, problem.shared_size, damping)
-        if gain <= options.tolerance * cost + np.finfo(float).tiny:
-            converged = True
-            break
         candidate = problem.moved(state, shared, local)
+        if gain <= options.tolerance * cost + np.finfo(float).tiny:
+            state, cost, converged = candidate, cost - gain, True
+            break
         with np.errstate(over="ignore", invalid="ignore"):  # a wild step is refused below
             trial_blocks = problem.blocks(candidate)
             trial = _cost(trial_blocks)
