@@ -342,8 +342,13 @@ def test_a_marker_that_is_off_is_named(rig_folder: Path, sol: Words) -> None:
 def test_an_interrupt_ends_everything_and_leaves_nothing(tmp_path: Path) -> None:
     """Ctrl-C in mid-rendering, as a terminal sends it: to the command and all its processes."""
     words = ["simulate", str(tmp_path / "rig"), "--camera-views", "60", "--plane-views", "0"]
+    # a shell starts background jobs with interrupts ignored, and children inherit that
+    start = (
+        "import signal; signal.signal(signal.SIGINT, signal.default_int_handler); "
+        "from sheetoflight.cli.main import run; run()"
+    )
     command = subprocess.Popen(
-        [sys.executable, "-m", "sheetoflight.cli.main", *words],
+        [sys.executable, "-c", start, *words],
         stderr=subprocess.PIPE,
         start_new_session=True,
         text=True,
