@@ -335,8 +335,8 @@ def test_a_marker_that_is_off_is_named(rig_folder: Path, sol: Words) -> None:
 
     edited(rig_folder / "points.csv", shifted)
     status, _, error = sol("calibrate", rig_folder, "-o", rig_folder / "c.json")
-    assert status in (0, 3)
-    assert "camera03" in error or "focal length" in error
+    assert status == 0
+    assert "warning: view camera03 of stage camera" in error
 
 
 def test_an_interrupt_ends_everything_and_leaves_nothing(tmp_path: Path) -> None:
