@@ -18,7 +18,8 @@ from rich.table import Table
 import sheetoflight as sol
 from sheetoflight.calibration.methods import METHODS
 from sheetoflight.measurement.length import lengths
-from sheetoflight.model.calibration import Calibration, Covariance, Residuals
+from sheetoflight.model.calibration import Calibration, Residuals
+from sheetoflight.model.covariance import Covariance
 from sheetoflight.model.rig import Rig
 from sheetoflight.simulation.poses import observed_rig, segments_in_sheet
 from sheetoflight.simulation.rig import SimulatedRig, paper_rig

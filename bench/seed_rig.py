@@ -71,7 +71,7 @@ def errors_and_predictions(
             ends = segments_in_sheet(truth, length_mm, SEGMENTS, rng)
             measured = lengths(calibration, truth.camera.project(ends))
             errors[trial, row] = [found.value - length_mm for found in measured]
-            stated[trial, row] = [dict(found.budget)["calibration"] for found in measured]
+            stated[trial, row] = [found.calibration_std for found in measured]
     return errors, stated
 
 

@@ -18,16 +18,11 @@ from rich.console import Console
 from rich.table import Table
 from scipy.optimize import OptimizeResult, least_squares
 
-from sheetoflight.calibration.adjustment import RigState
+from sheetoflight.calibration.camera_alone import camera_alone
+from sheetoflight.calibration.fitting import fitted, settled
 from sheetoflight.calibration.noise import noise_model
-from sheetoflight.calibration.stages import (
-    camera_stage,
-    joint_stage,
-    plane_stage,
-    triangulated_views,
-    with_plane,
-)
-from sheetoflight.geometry.planes import fitted_plane
+from sheetoflight.calibration.rig_state import ANCHOR, RigState, intrinsic_names, sheet_names
+from sheetoflight.calibration.starts import evidence, with_sheets
 from sheetoflight.model.rig import Rig
 from sheetoflight.simulation.poses import observed_rig
 from sheetoflight.simulation.rig import paper_rig
@@ -44,35 +39,36 @@ def simulated_rig(camera_views: int, plane_views: int, seed: int = SEED) -> Rig:
 
 
 def starting_state(rig: Rig) -> RigState:
-    """Where both solvers begin: the camera stage alone, and the least-squares plane."""
-    noise = noise_model(rig.observations.stages(), rig.pixel_std)
-    camera = camera_stage(rig, noise).state
-    points, _ = triangulated_views(rig, camera.camera)
-    return plane_stage(
-        with_plane(camera, rig, *fitted_plane(points.reshape(-1, 3))), rig, noise
-    ).state
+    """Where both solvers begin: the camera stage alone, and the sheet with that camera held."""
+    noise = noise_model(rig)
+    camera = camera_alone(rig, noise)[0].state
+    start = with_sheets(rig, evidence(rig), camera)
+    lying = {"plane": rig.observations.plane}
+    return fitted(rig, lying, sheet_names(1), start, noise, "plane").state
 
 
 def joint(rig: Rig, start: RigState) -> RigState:
     """The adjustment of this package."""
-    noise = noise_model(rig.observations.stages(), rig.pixel_std)
-    return joint_stage(start, rig, noise).state
+    free = (*intrinsic_names(rig.free_intrinsics), *ANCHOR, *sheet_names(1))
+    adjustment = noise_model(rig).adjustment(rig, rig.observations.stages(), free, start)
+    return settled(adjustment, start, "joint").state
 
 
 def reference_start(state: RigState) -> np.ndarray:
     """The reference's parameters: alpha, beta, u0, v0, A, plane (azimuth, elevation, d), then
     theta, phi of every pivoting target and x, y, psi of every target in the sheet."""
     camera = state.camera
-    normal, distance = state.light_plane.normal, state.light_plane.distance_mm
+    (plane,) = state.light_planes(("laser",))
+    normal, distance = plane.normal, plane.distance_mm
     directions = state.poses["camera"]
     pivot = np.stack(
         [np.arccos(directions[:, 2]), np.arctan2(directions[:, 1], directions[:, 0])], axis=1
     )
     angles = np.array([np.arctan2(normal[1], normal[0]), np.arcsin(normal[2])])
     e1, e2 = _sheet_axes(angles)
-    pose = state.poses["plane"]
-    origins = pose[:, :1] * state.frame[:, 0] + pose[:, 1:2] * state.frame[:, 1]
-    along = np.cos(pose[:, 2:]) * state.frame[:, 0] + np.sin(pose[:, 2:]) * state.frame[:, 1]
+    pose, frame = state.poses["plane"], state.frames[0]
+    origins = pose[:, :1] * frame[:, 0] + pose[:, 1:2] * frame[:, 1]
+    along = np.cos(pose[:, 2:]) * frame[:, 0] + np.sin(pose[:, 2:]) * frame[:, 1]
     lying = np.stack([origins @ e1, origins @ e2, np.arctan2(along @ e2, along @ e1)], axis=1)
     head = [camera.alpha, camera.beta, camera.u0, camera.v0, *state.anchor, *angles, distance]
     return np.concatenate([head, pivot.ravel(), lying.ravel()])

@@ -16,8 +16,8 @@ import numpy as np
 from rich.console import Console
 from rich.table import Table
 
+from sheetoflight.calibration.camera_alone import camera_alone
 from sheetoflight.calibration.noise import noise_model
-from sheetoflight.calibration.stages import camera_stage
 from sheetoflight.model.camera import Camera
 from sheetoflight.model.observations import Observations
 from sheetoflight.model.rig import Rig
@@ -77,9 +77,9 @@ def zhang_trials(trials: int = TRIALS) -> ZhangResult:
     errors, std, chi2 = [], [], []
     for trial in range(trials):
         rig = zhang_rig(np.random.default_rng([1, trial]))
-        fit = camera_stage(rig, noise_model(rig.observations.stages(), rig.pixel_std))
+        fit, _ = camera_alone(rig, noise_model(rig))
         errors.append(fit.state.camera.parameters[:5] - TRUTH.parameters[:5])
-        std.append(np.sqrt(np.diag(fit.covariance("camera"))[:5]))
+        std.append(np.sqrt(np.diag(np.linalg.inv(fit.model().information))[:5]))
         chi2.append(fit.chi2 / fit.adjustment.degrees_of_freedom)
     return ZhangResult(np.array(errors), np.array(std), np.array(chi2))
 

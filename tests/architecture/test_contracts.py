@@ -64,7 +64,7 @@ TRESPASSES = (
     Trespass(
         "calibration/paper_plane", "import sheetoflight.calibration.target_triangulation", PEERS
     ),
-    Trespass("calibration/adjustment", "import sheetoflight.calibration.pivot_closed_form", PEERS),
+    Trespass("calibration/adjustment", "import sheetoflight.calibration.camera_closed_form", PEERS),
 )
 
 

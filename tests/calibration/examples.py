@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
+from sheetoflight.model.light_plane import LightPlane
 from sheetoflight.model.rig import Rig
 from sheetoflight.model.target import CollinearTarget
 from sheetoflight.simulation.poses import observed_rig
@@ -37,3 +40,11 @@ def simulated(
         observations=observations,
     )
     return truth, rig
+
+
+def two_lasers() -> SimulatedRig:
+    """The paper's camera with a second sheet of light, from the other side."""
+    rig = paper_rig((-0.1, 0.05, 0.0008, -0.0005, 0.01))
+    first = rig.light_plane
+    other = LightPlane(first.normal * [-1.0, 1.0, 1.0], first.distance_mm, "right")
+    return replace(rig, light_planes=(replace(first, name="left"), other))

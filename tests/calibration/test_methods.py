@@ -104,7 +104,7 @@ def test_noise_larger_than_stated_enlarges_the_uncertainty_and_warns() -> None:
     boastful = replace(honest, pixel_std=0.05)
     one, two = calibrate(honest), calibrate(boastful)
     assert two.covariance.std("camera.alpha") == pytest.approx(
-        one.covariance.std("camera.alpha"), rel=1e-6
+        one.covariance.std("camera.alpha"), rel=1e-3
     )
     assert two.residuals.chi2_per_dof > 10
     assert "stated noise" in two.warnings[0]
@@ -140,14 +140,24 @@ def few(rig: Rig, camera: int, plane: int) -> Rig:
 
 @pytest.mark.parametrize("method", METHODS)
 @pytest.mark.parametrize(
-    ("views", "stage"), [((1, 10), "camera"), ((4, 10), "camera"), ((30, 1), "plane"),
+    ("views", "stage"), [((1, 10), "camera"), ((2, 10), "camera"), ((30, 1), "plane"),
                          ((0, 10), "camera"), ((30, 0), "plane")], ids=str,
 )  # fmt: skip
 def test_too_few_views_are_refused(method: str, views: tuple[int, int], stage: str) -> None:
     _, rig = simulated()
     with pytest.raises(UntrustworthyError, match=f"{stage} stage") as caught:
         calibrate(few(rig, *views), method, QUICK)
-    assert "needed" in str(caught.value)
+    assert any(word in str(caught.value) for word in ("needed", "do not determine"))
+
+
+def test_few_camera_views_suffice_where_the_sheet_tells_the_rest() -> None:
+    """Four swings and one sheet: 3 + 2 constraints on the four parameters of K."""
+    truth, rig = simulated()
+    found = calibrate(few(rig, 4, 10))
+    error = found.camera.alpha - truth.camera.alpha
+    assert abs(error) < 4 * found.covariance.std("camera.alpha")
+    with pytest.raises(UntrustworthyError, match="camera stage"):
+        calibrate(few(rig, 4, 10), "two-step")
 
 
 @pytest.mark.parametrize("method", METHODS)

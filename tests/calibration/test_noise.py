@@ -2,46 +2,42 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.stats import chi2
 
 from sheetoflight.calibration.noise import chi2_limit, noise_model
-from sheetoflight.model.observations import TargetViews
+from sheetoflight.model.observations import Observations, TargetViews
+from sheetoflight.model.rig import Rig
+from sheetoflight.model.target import CollinearTarget
 
 UV = np.zeros((2, 3, 2))
 
 
-def views(std: np.ndarray | None = None) -> dict[str, TargetViews]:
-    return {"camera": TargetViews(("a", "b"), UV, std)}
+def seen(std: np.ndarray | None = None, pixel_std: float | None = None) -> Rig:
+    views = TargetViews(("a", "b"), UV, std)
+    return Rig(CollinearTarget(), (9, 9), pixel_std=pixel_std, observations=Observations(views))
 
 
-def test_unknown_noise_has_one_scale_to_be_estimated() -> None:
-    noise = noise_model(views(), None)
-    assert not noise.stated
-    assert noise.variance_factor(0.5, 50) == pytest.approx(0.01)
-    assert noise.typical_std(0.01) == pytest.approx(0.1)
-
-
-def test_stated_noise_grows_but_does_not_shrink() -> None:
-    noise = noise_model(views(), 0.2)
-    assert noise.stated
-    assert (noise.std["camera"] == 0.2).all()
-    assert noise.variance_factor(25.0, 50) == 1.0
-    assert noise.variance_factor(100.0, 50) == 2.0
-    assert noise.variance_factor(0.0, 0) == 1.0
+def test_what_is_not_stated_is_estimated() -> None:
+    assert noise_model(seen()).free.tolist() == [True, False, False]
+    assert noise_model(seen(pixel_std=0.2)).free.tolist() == [False, False, False]
+    lying = replace(seen(), observations=Observations(plane=TargetViews(("a", "b"), UV)))
+    assert noise_model(lying).free.tolist() == [True, True, True]
+    placed = noise_model(replace(lying, placement_std=0.3))
+    assert placed.free.tolist() == [True, False, False]
+    assert placed.variances[1] == pytest.approx(0.09)
 
 
 def test_the_points_own_std_give_the_proportions_of_the_noise() -> None:
     own = np.array([[0.03, 0.03, 0.03], [0.05, 0.05, np.nan]])
     typical = np.sqrt((3 * 0.03**2 + 2 * 0.05**2) / 5)
-    unknown = noise_model(views(own), None)
-    assert not unknown.stated
-    assert np.allclose(unknown.std["camera"], [[0.03, 0.03, 0.03], [0.05, 0.05, typical]])
-    stated = noise_model(views(own), 0.4)
-    assert stated.stated
-    assert np.allclose(stated.std["camera"] / unknown.std["camera"], 0.4 / typical)
-    assert stated.typical_std(1.0) == pytest.approx(0.4)
+    unknown = noise_model(seen(own))
+    assert np.allclose(unknown.std("camera"), [[0.03, 0.03, 0.03], [0.05, 0.05, typical]])
+    stated = noise_model(seen(own, 0.4))
+    assert np.allclose(stated.std("camera") / unknown.std("camera"), 0.4 / typical)
 
 
 def test_the_limit_is_the_quantile_of_chi_squared() -> None:

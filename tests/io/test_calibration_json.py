@@ -14,6 +14,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from hypothesis.extra import numpy as hnp
 
 from sheetoflight.errors import FileError, InputError
 from sheetoflight.io.calibration_json import (
@@ -21,7 +22,8 @@ from sheetoflight.io.calibration_json import (
     read_calibration,
     write_calibration,
 )
-from sheetoflight.model.calibration import Calibration, Covariance, Residuals
+from sheetoflight.model.calibration import Calibration, Residuals
+from sheetoflight.model.covariance import Covariance, NoiseComponents, Source
 from sheetoflight.model.light_plane import LightPlane
 
 Change = Callable[[dict[str, Any]], object]
@@ -66,6 +68,87 @@ def test_what_is_read_is_written_with_the_same_bytes(tmp_path: Path, calibration
     write_calibration(tmp_path / "first.json", calibration)
     write_calibration(tmp_path / "second.json", read_calibration(tmp_path / "first.json"))
     assert (tmp_path / "first.json").read_bytes() == (tmp_path / "second.json").read_bytes()
+
+
+def test_where_the_covariance_comes_from_comes_back_exactly(tmp_path: Path, explained: Calibration):
+    write_calibration(tmp_path / "first.json", explained)
+    back = read_calibration(tmp_path / "first.json")
+    assert back.target == explained.target
+    for plane, before in zip(back.light_planes, explained.light_planes, strict=True):
+        assert (plane.name, plane.distance_mm) == (before.name, before.distance_mm)
+        np.testing.assert_array_equal(plane.normal, before.normal)
+    for source, was in zip(back.covariance.sources, explained.covariance.sources, strict=True):
+        assert (source.name, source.component) == (was.name, was.component)
+        np.testing.assert_array_equal(source.matrix, was.matrix)
+    noise, was = back.covariance.components, explained.covariance.components
+    assert (noise.names, noise.std) == (was.names, was.std)
+    np.testing.assert_array_equal(noise.relative_covariance, was.relative_covariance)
+    assert back.residuals.views[-1].uv.shape == (5, 2)
+    write_calibration(tmp_path / "second.json", back)
+    assert (tmp_path / "first.json").read_bytes() == (tmp_path / "second.json").read_bytes()
+
+
+FACTORS = st.just(0.0) | st.floats(1e-6, 1e6) | st.floats(-1e6, -1e-6)
+
+
+@settings(max_examples=40)
+@given(st.data())
+def test_any_sources_come_back_exactly(
+    tmp_path_factory: pytest.TempPathFactory, calibration: Calibration, data: st.DataObject
+):
+    """Shares of any size and rank; whatever their sum is rounded to is read again."""
+    size, count = data.draw(st.integers(1, 4)), data.draw(st.integers(1, 4))
+    ranks = st.integers(1, 4)
+    factors = [data.draw(hnp.arrays(float, (size, data.draw(ranks)), elements=FACTORS))
+               for _ in range(count)]  # fmt: skip
+    shares = [factor @ factor.T for factor in factors]
+    shares = [(share + share.T) / 2 for share in shares]
+    components = data.draw(st.lists(st.none() | st.just("pixel"), min_size=count, max_size=count))
+    covariance = Covariance(
+        tuple(f"p{i}" for i in range(size)),
+        np.sum(shares, axis=0),
+        tuple(
+            Source(f"s{i}", *pair) for i, pair in enumerate(zip(shares, components, strict=True))
+        ),
+        NoiseComponents(("pixel",), (0.1,), np.array([[data.draw(st.floats(0, 2))]])),
+    )
+    path = tmp_path_factory.getbasetemp() / "sources.json"
+    write_calibration(path, replace(calibration, covariance=covariance))
+    back = read_calibration(path).covariance
+    for source, was in zip(back.sources, covariance.sources, strict=True):
+        assert (source.name, source.component) == (was.name, was.component)
+        np.testing.assert_array_equal(source.matrix, was.matrix)
+    np.testing.assert_array_equal(
+        back.components.relative_covariance, covariance.components.relative_covariance
+    )
+
+
+def test_a_share_may_miss_zero_by_a_rounding_error_of_the_whole(
+    tmp_path: Path, calibration: Calibration
+):
+    """Where a source says nothing of a parameter, arithmetic leaves ±1e-16 of its variance."""
+    shares = np.array([[[4.0, 1e-16], [1e-16, -1e-16]], [[0.0, -1e-16], [-1e-16, 9.0]]])
+    sources = tuple(Source("sheet", share) for share in shares)
+    covariance = Covariance(("a", "b"), np.diag([4.0, 9.0]), sources)
+    write_calibration(tmp_path / "c.json", replace(calibration, covariance=covariance))
+    back = read_calibration(tmp_path / "c.json").covariance
+    assert [source.matrix.tolist() for source in back.sources] == shares.tolist()
+
+
+def test_what_is_not_known_of_a_covariance_is_left_out_and_may_be_missing(
+    tmp_path: Path, explained: Calibration
+):
+    document = json.loads(calibration_text(explained))
+    keys = ("expansion_per_K", "warmer_by_K", "warmer_by_std_K", "expansion_std_per_K")
+    for key in keys:
+        del document["target"][key]
+    for key in ("sources", "noise"):
+        del document["covariance"][key]
+    (tmp_path / "c.json").write_text(json.dumps(document))
+    back = read_calibration(tmp_path / "c.json")
+    assert [getattr(back.target, key) for key in keys] == [0.0] * 4
+    assert (back.covariance.sources, back.covariance.components.names) == ((), ())
+    assert list(json.loads(calibration_text(back))["covariance"]) == ["parameters", "matrix"]
 
 
 @settings(max_examples=60)
@@ -138,6 +221,28 @@ def test_numbers_that_are_none_are_not_written(tmp_path: Path, calibration: Cali
     assert list(tmp_path.iterdir()) == []
 
 
+@pytest.mark.parametrize("place", ["std", "source", "view"])
+def test_nothing_that_is_no_number_is_written_anywhere(
+    tmp_path: Path, explained: Calibration, place: str
+):
+    covariance, views = explained.covariance, explained.residuals.views
+    if place == "std":
+        noise = replace(covariance.components, std=(0.1, math.nan))
+        broken = replace(explained, covariance=replace(covariance, components=noise))
+    elif place == "source":
+        source = replace(covariance.sources[0], matrix=np.array(covariance.sources[0].matrix))
+        sources = (source, *covariance.sources[1:])
+        broken = replace(explained, covariance=replace(covariance, sources=sources))
+        source.matrix[0, 0] = math.nan
+    else:
+        view = replace(views[-1], xyz=np.full((5, 3), math.inf))
+        broken = replace(explained, residuals=replace(explained.residuals, views=(view,)))
+    with pytest.raises(InputError, match="which JSON cannot say"):
+        write_calibration(tmp_path / "c.json", broken)
+    assert list(tmp_path.iterdir()) == []
+    assert "NaN" not in calibration_text(explained)
+
+
 def _set(*keys: str | int, to: object) -> Change:
     def change(document: dict[str, Any]) -> None:
         place: Any = document
@@ -166,6 +271,25 @@ def _indefinite(document: dict[str, Any]) -> None:
 
 def _certain_but_correlated(document: dict[str, Any]) -> None:
     document["covariance"] = {"parameters": ["a", "b"], "matrix": [[0, 1e-9], [1e-9, 1]]}
+
+
+def _share(to: Callable[[np.ndarray], np.ndarray], source: int = 0) -> Change:
+    def change(document: dict[str, Any]) -> None:
+        part = document["covariance"]["sources"][source]
+        part["matrix"] = to(np.array(part["matrix"])).tolist()
+
+    return change
+
+
+def _moved_between_shares(document: dict[str, Any]) -> None:
+    """The sum stays, one share becomes indefinite."""
+    first, second = document["covariance"]["sources"][:2]
+    whole = np.array(document["covariance"]["matrix"])
+    shift = np.zeros_like(whole)
+    shift[0, 0] = 0.5 * whole[0, 0]
+    shift[0, 1] = shift[1, 0] = 0.9 * math.sqrt(whole[0, 0] * whole[1, 1])
+    first["matrix"] = shift.tolist()
+    second["matrix"] = (whole - shift).tolist()
 
 
 def _second_plane(document: dict[str, Any]) -> None:
@@ -247,6 +371,67 @@ def test_what_is_no_calibration_is_named_with_its_key(
     tmp_path: Path, calibration: Calibration, change: Change, message: str
 ):
     document = copy.deepcopy(json.loads(calibration_text(calibration)))
+    change(document)
+    (tmp_path / "c.json").write_text(json.dumps(document))
+    with pytest.raises(InputError, match=f"c.json: {message}") as caught:
+        read_calibration(tmp_path / "c.json")
+    assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (_share(lambda m: m[1:]), r"covariance.sources\[0\].matrix does not have 18 rows of 18"),
+        (
+            _share(lambda m: -m, 1),
+            r"covariance.sources\[1\].matrix\[0\]\[0\], the variance of camera",
+        ),
+        (
+            _share(lambda m: m * 1e4, 2),
+            r"covariance.sources\[2\].matrix is larger than covariance.m",
+        ),
+        (
+            _share(np.triu),
+            r"covariance.sources\[0\].matrix is not symmetric: \[0\]\[1",
+        ),
+        (
+            _share(lambda m: m * 0.99),
+            "covariance.sources do not add up to covariance.matrix: for ca",
+        ),
+        (_drop("covariance", "sources", 1), "covariance.sources do not add up to covariance.matri"),
+        (_moved_between_shares, r"covariance.sources\[0\].matrix is not positive semi-definite"),
+        (
+            _set("covariance", "sources", 0, "component", to="marker"),
+            r"covariance.sources\[0\].component is 'marker', which covariance.noise does not name",
+        ),
+        (_drop("covariance", "noise"), r"covariance.sources\[0\].component is 'pixel', which"),
+        (_drop("covariance", "sources", 0, "name"), r"covariance.sources\[0\]: 'name' is missing"),
+        (_drop("covariance", "noise", "std", 1), "covariance.noise.std has 1 entries for 2 compon"),
+        (
+            _set("covariance", "noise", "std", 0, to=-1),
+            r"covariance.noise.std\[0\] is -1, expected",
+        ),
+        (
+            _set("covariance", "noise", "components", to=["pixel", "pixel"]),
+            "covariance.noise.components names 'pixel' twice",
+        ),
+        (
+            _set("covariance", "noise", "relative_covariance", to=[[0.2]]),
+            "covariance.noise.relative_covariance does not have 2 rows of 2 numbers",
+        ),
+        (
+            _set("covariance", "noise", "relative_covariance", to=[[0.2, 1], [1, 0.7]]),
+            "covariance.noise.relative_covariance is not positive semi-definite",
+        ),
+        (_set("target", "expansion_per_K", to=-1), "target: expansion_per_K is -1"),
+        (_set("light_planes", 1, "name", to="left"), "light_planes: two planes share a name"),
+    ],
+    ids=lambda value: value[:60].replace("\\", "") if isinstance(value, str) else "",
+)
+def test_sources_that_are_none_are_named_with_their_key(
+    tmp_path: Path, explained: Calibration, change: Change, message: str
+):
+    document = json.loads(calibration_text(explained))
     change(document)
     (tmp_path / "c.json").write_text(json.dumps(document))
     with pytest.raises(InputError, match=f"c.json: {message}") as caught:

@@ -26,11 +26,15 @@ from sheetoflight.model.rig import Rig
 from sheetoflight.model.target import CollinearTarget
 
 Reader = Callable[[Path], object]
+LASERS = ("left", "right")
 READERS: dict[str, Reader] = {
     "points.csv": lambda path: read_points(path, CollinearTarget()),
+    "two_lasers.csv": lambda path: read_points(path, CollinearTarget(), LASERS),
     "segments.csv": read_segments,
     "rig.toml": lambda path: read_rig_toml(path).rig(),
+    "warm_rig.toml": lambda path: read_rig_toml(path).rig(),
     "calibration.json": read_calibration,
+    "explained.json": read_calibration,
     "picture.png": read_picture,
     "picture.jpg": read_picture,
     "picture.bmp": read_picture,
@@ -46,16 +50,27 @@ SMALL = np.random.default_rng(4).integers(0, 256, (40, 44, 3), dtype=np.uint8)
 
 @pytest.fixture(scope="module")
 def good(
-    tmp_path_factory: pytest.TempPathFactory, observations: Observations, calibration: Calibration
+    tmp_path_factory: pytest.TempPathFactory,
+    observations: Observations,
+    two_lasers: Observations,
+    calibration: Calibration,
+    explained: Calibration,
 ) -> dict[str, bytes]:
     """A good file for every reader."""
     folder = tmp_path_factory.mktemp("good")
     write_points(folder / "points.csv", observations)
+    write_points(folder / "two_lasers.csv", two_lasers, LASERS)
+    steel = CollinearTarget(expansion_per_K=11.5e-6, warmer_by_K=-4.0, warmer_by_std_K=0.5)
+    warm = Rig(steel, (1392, 1040), placement_std=0.3, lasers=LASERS)
     deflated = io.BytesIO()
     tifffile.imwrite(deflated, SMALL, photometric="rgb", compression="zlib")
     files = {
         "points.csv": (folder / "points.csv").read_bytes(),
-        "segments.csv": b"segment,u1,v1,u2,v2,std\na,1,2,3,4,0.1\nb,5,6,7,8.5,\n",
+        "two_lasers.csv": (folder / "two_lasers.csv").read_bytes(),
+        "segments.csv": b"segment,u1,v1,u2,v2,std,laser,known_mm,known_std_mm\n"
+        b"a,1,2,3,4,0.1,left,150,0.01\nb,5,6,7,8.5,,,,\n",
+        "warm_rig.toml": rig_toml_text(warm).encode(),
+        "explained.json": calibration_text(explained).encode(),
         "rig.toml": rig_toml_text(Rig(CollinearTarget(), (1392, 1040), pixel_std=0.1)).encode(),
         "calibration.json": calibration_text(calibration).encode(),
         "deflated.tif": deflated.getvalue(),
@@ -139,12 +154,13 @@ JSON = st.recursive(
 )
 
 
+@pytest.mark.parametrize("name", ["calibration.json", "explained.json"])
 @settings(max_examples=150, suppress_health_check=[HealthCheck.too_slow])
 @given(data=st.data())
 def test_a_calibration_with_any_value_in_any_place(
-    good: dict[str, bytes], folder: Path, data: st.DataObject
+    good: dict[str, bytes], folder: Path, name: str, data: st.DataObject
 ):
-    document = json.loads(good["calibration.json"])
+    document = json.loads(good[name])
     place: dict[str, object] | list[object] = document
     while True:
         keys = list(place) if isinstance(place, dict) else list(range(len(place)))
@@ -154,4 +170,4 @@ def test_a_calibration_with_any_value_in_any_place(
             break
         place = inner
     place[key] = data.draw(JSON)  # pyright: ignore[reportArgumentType, reportCallIssue]
-    read_or_refuse(folder, "calibration.json", json.dumps(document).encode())
+    read_or_refuse(folder, name, json.dumps(document).encode())

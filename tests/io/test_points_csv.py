@@ -17,22 +17,35 @@ from sheetoflight.model.observations import Observations, TargetViews
 from sheetoflight.model.target import CollinearTarget
 
 HEADER = "view,stage,marker,u,v\n"
+SHEETS = "view,stage,marker,u,v,laser\n"
 TARGET = CollinearTarget()
+LASERS = ("left", "right")
 
 NAMES = st.text(st.characters(exclude_categories=("Cs",), exclude_characters="\0"), min_size=1)
 
 
 @st.composite
-def target_views(draw: st.DrawFn) -> TargetViews:
+def target_views(draw: st.DrawFn, spots: int = 0, sheets: int = 1) -> TargetViews:
     """Views with any name, unseen markers, and known or unknown uncertainties."""
     names = draw(st.lists(NAMES, unique=True, max_size=3))
+    count, points = len(names), 3 + spots
     finite = st.floats(allow_nan=False, allow_infinity=False)
-    uv = draw(hnp.arrays(float, (len(names), 3, 2), elements=finite))
-    uv[draw(hnp.arrays(bool, (len(names), 3)))] = np.nan
-    uv[:, 0] = draw(hnp.arrays(float, (len(names), 2), elements=finite))
+    uv = draw(hnp.arrays(float, (count, points, 2), elements=finite))
+    uv[draw(hnp.arrays(bool, (count, points)))] = np.nan
+    always = draw(st.integers(3, points - 1)) if spots else 0
+    uv[:, always] = draw(hnp.arrays(float, (count, 2), elements=finite))
     positive = st.floats(min_value=0, exclude_min=True, allow_infinity=False) | st.just(np.nan)
-    std = draw(st.none() | hnp.arrays(float, (len(names), 3), elements=positive))
-    return TargetViews(tuple(names), uv, std)
+    std = draw(st.none() | hnp.arrays(float, (count, points), elements=positive))
+    laser = draw(hnp.arrays(int, count, elements=st.integers(0, sheets - 1)))
+    return TargetViews(tuple(names), uv, std, laser)
+
+
+@st.composite
+def observed(draw: st.DrawFn) -> tuple[Observations, tuple[str, ...]]:
+    """Views of all stages of a rig with one to three lasers, called anything."""
+    lasers = tuple(draw(st.lists(NAMES, unique=True, min_size=1, max_size=3)))
+    stages = (target_views(), target_views(sheets=len(lasers)), target_views(spots=len(lasers)))
+    return Observations(*map(draw, stages)), lasers
 
 
 def known_std(views: TargetViews) -> np.ndarray:
@@ -42,21 +55,123 @@ def known_std(views: TargetViews) -> np.ndarray:
 
 
 @settings(max_examples=80)
-@given(camera=target_views(), plane=target_views())
+@given(observed())
 def test_every_observation_comes_back_exactly(
-    tmp_path_factory: pytest.TempPathFactory, camera: TargetViews, plane: TargetViews
+    tmp_path_factory: pytest.TempPathFactory, observed: tuple[Observations, tuple[str, ...]]
 ):
     path = tmp_path_factory.getbasetemp() / "round_trip.csv"
-    if len(camera) + len(plane) == 0:
+    observations, lasers = observed
+    if not observations.stages():
         with pytest.raises(InputError, match="no point to write"):
-            write_points(path, Observations(camera, plane))
+            write_points(path, observations, lasers)
         return
-    write_points(path, Observations(camera, plane))
-    back = read_points(path, TARGET)
-    for before, after in ((camera, back.camera), (plane, back.plane)):
+    write_points(path, observations, lasers)
+    back = read_points(path, TARGET, lasers)
+    assert back.stages().keys() == observations.stages().keys()
+    for stage, before in observations.stages().items():
+        after = back.stages()[stage]
         assert after.names == before.names
         np.testing.assert_array_equal(after.uv, before.uv)
         np.testing.assert_array_equal(known_std(after), known_std(before))
+    np.testing.assert_array_equal(back.plane.lasers, observations.plane.lasers)
+
+
+def test_the_column_laser_is_written_where_there_are_several(
+    tmp_path: Path, two_lasers: Observations
+):
+    write_points(tmp_path / "points.csv", two_lasers, LASERS)
+    with (tmp_path / "points.csv").open(newline="") as file:
+        rows = list(csv.DictReader(file))
+    named = {(row["stage"], row["view"], row["marker"]): row["laser"] for row in rows}
+    assert named["camera", "camera00", "0"] == ""
+    assert (named["plane", "plane00", "0"], named["plane", "plane01", "2"]) == LASERS
+    assert named["crossing", "both", "1"] == ""
+    spots = [row for row in rows if row["stage"] == "crossing" and row["marker"] == "laser"]
+    assert [(row["view"], row["laser"]) for row in spots] == [
+        *(("left only", "left"), ("right only", "right")),
+        *((view, laser) for view in ("one", "both") for laser in LASERS),
+    ]
+
+
+def test_spots_stand_behind_the_markers(tmp_path: Path):
+    (tmp_path / "points.csv").write_text(
+        HEADER + "c,crossing,laser,7,8\nc,crossing,2,5,6\nc,crossing,0,1,2\n"
+    )
+    views = read_points(tmp_path / "points.csv", TARGET).crossing
+    nan = [np.nan, np.nan]
+    np.testing.assert_array_equal(views.uv, [[[1, 2], nan, [5, 6], [7, 8]]])
+
+
+@pytest.mark.parametrize(
+    ("content", "lasers"),
+    [
+        (HEADER + "p,plane,0,1,2\nc,crossing,laser,3,4\n", ("laser",)),
+        (SHEETS + "p,plane,0,1,2,\nc,crossing,laser,3,4,\n", ("laser",)),
+        (SHEETS + "p,plane,0,1,2,blue\nc,crossing,laser,3,4, blue \n", ("blue",)),
+        (SHEETS + "p,plane,0,1,2,left\nc,crossing,laser,3,4,left\n", LASERS),
+    ],
+    ids=["absent", "empty", "the only one", "one of two"],
+)
+def test_one_laser_need_not_be_named(tmp_path: Path, content: str, lasers: tuple[str, ...]):
+    (tmp_path / "points.csv").write_text(content)
+    seen = read_points(tmp_path / "points.csv", TARGET, lasers)
+    assert seen.plane.lasers.tolist() == [0]
+    assert seen.crossing.uv.shape == (1, 3 + len(lasers), 2)
+    assert seen.crossing.uv[0, 3].tolist() == [3.0, 4.0]
+
+
+def test_every_stage_may_stand_alone(tmp_path: Path, two_lasers: Observations):
+    for stage, views in two_lasers.stages().items():
+        write_points(tmp_path / "points.csv", Observations(**{stage: views}), LASERS)
+        back = read_points(tmp_path / "points.csv", TARGET, LASERS)
+        assert list(back.stages()) == [stage]
+
+
+@pytest.mark.parametrize(
+    ("rows", "message"),
+    [
+        ("a,plane,0,1,2,\n", "line 2: the rig has 2 lasers, .* – write 'left' or 'right' into co"),
+        ("a,plane,0,1,2,left\na,plane,1,3,4,\n", "line 3: the rig has 2 lasers, and the row"),
+        ("a,crossing,laser,1,2,\n", "line 2: the rig has 2 lasers, and the row names none"),
+        ("a,plane,0,1,2,top\n", "line 2: unknown laser 'top' – use 'left' or 'right', or name"),
+        ("a,camera,0,1,2,top\n", "line 2: unknown laser 'top'"),
+        (
+            "a,plane,0,1,2,left\na,plane,1,3,4,right\n",
+            "line 3: view 'a' of stage plane is of laser 'right', and before of laser 'left'",
+        ),
+        (
+            "a,crossing,laser,1,2,left\na,crossing,laser,3,4,left\n",
+            "line 3: the spot of laser 'left' of view 'a' in stage crossing is given twice",
+        ),
+        (
+            "a,crossing,laser,1,2,left\nb,crossing,0,1,2,\nb,crossing,1,3,4,\n",
+            "line 3: view 'b' of stage crossing has no spot – add a row with marker laser",
+        ),
+        ("a,plane,laser,1,2,left\n", "line 2: a point of marker laser stands in stage plane"),
+        ("a,board,laser,1,2,left\n", "line 2: points of stage board are not adjusted by this"),
+    ],
+    ids=lambda value: value[:30],
+)
+def test_lasers_that_are_not_clear_are_named_with_their_line(
+    tmp_path: Path, rows: str, message: str
+):
+    (tmp_path / "points.csv").write_text(SHEETS + rows)
+    with pytest.raises(InputError, match=f"points.csv {message}") as caught:
+        read_points(tmp_path / "points.csv", TARGET, LASERS)
+    assert "\n" not in str(caught.value)
+
+
+def test_what_could_not_be_read_again_is_not_written(tmp_path: Path, two_lasers: Observations):
+    path, crossing = tmp_path / "points.csv", two_lasers.crossing
+    spots = np.zeros(crossing.seen.shape, bool)
+    spots[3, 3:] = True
+    with pytest.raises(InputError, match="view 'both' of stage crossing has no spot"):
+        write_points(path, Observations(crossing=crossing.without(spots)), LASERS)
+    with pytest.raises(InputError, match="sheet 1, counted from 0, and there are 1 lasers"):
+        write_points(path, Observations(plane=two_lasers.plane))
+    with pytest.raises(InputError, match="views of stage crossing have 5 points"):
+        write_points(path, Observations(crossing=crossing), ("a", "b", "c"))
+    assert list(tmp_path.iterdir()) == []
 
 
 @pytest.mark.parametrize("name", ["a,b", 'say "x"', "two\nlines", "a\rb", " padded ", "'", "laser"])
@@ -137,10 +252,10 @@ def test_what_programs_make_of_a_table_is_read(tmp_path: Path, content: str):
         (HEADER + "a,camera,-1,1,2\n", "line 2: marker is '-1', expected a whole number"),
         (HEADER + "a,camera,1.0,1,2\n", "line 2: marker is '1.0', expected a whole number"),
         (HEADER + f"a,camera,{'9' * 5000},1,2\n", "line 2: marker is '9{59}"),
-        (HEADER + "a,camera,laser,1,2\n", "line 2: points on the laser line are not adjusted by"),
-        (HEADER + "a,crossing,0,1,2\n", "line 2: points of stage crossing are not adjusted by"),
+        (HEADER + "a,camera,laser,1,2\n", "line 2: a point of marker laser stands in stage camera"),
+        (HEADER + "a,crossing,0,1,2\n", "line 2: view 'a' of stage crossing has no spot"),
         (HEADER + "a,board,laser,1,2\n", "line 2: points of stage board are not adjusted by this"),
-        (HEADER + "a,Camera,0,1,2\n", "line 2: unknown stage 'Camera' – use camera or plane"),
+        (HEADER + "a,Camera,0,1,2\n", "line 2: unknown stage 'Camera' – use camera, plane or"),
         (
             HEADER + "a,camera,0,1,2\nb,camera,0,1,2\na,camera,0,3,4\n",
             "line 4: marker 0 of view 'a' in stage camera is given twice",

@@ -39,6 +39,13 @@ skew = false
 pixel_std = 0.1                    # optional; estimated where absent
 """
 POSITIVE = st.floats(1e-300, 1e300)
+NAMES = st.text(
+    st.characters(categories=("L", "N", "P", "S"), exclude_characters="/."), min_size=1, max_size=60
+).filter(lambda name: name.isprintable() and name != "camera")
+
+
+LASERS = EXAMPLE + '[[laser]]\nname = "left"\n[[laser]]\nname = "right"\n'
+STEEL = "tolerance_mm = 0.0\nexpansion_per_K = 11.5e-6\nwarmer_by_K = -4\nwarmer_by_std_K = 0.5\n"
 
 
 def written(tmp_path: Path, text: str) -> Path:
@@ -55,6 +62,10 @@ def rigs(draw: st.DrawFn) -> Rig:
         draw(st.just(0.0) | POSITIVE),
         draw(st.sampled_from(["quadrant", "disc"])),
         draw(POSITIVE),
+        draw(st.just(0.0) | st.floats(1e-9, 1e-4)),
+        draw(st.just(0.0) | st.floats(-100, 100)),
+        draw(st.just(0.0) | POSITIVE),
+        draw(st.just(0.0) | POSITIVE),
     )
     return Rig(
         target,
@@ -62,6 +73,8 @@ def rigs(draw: st.DrawFn) -> Rig:
         draw(st.sampled_from(list(DISTORTION_MODELS))),
         draw(st.booleans()),
         draw(st.none() | POSITIVE),
+        draw(st.none() | st.just(0.0) | POSITIVE),
+        tuple(draw(st.just(["laser"]) | st.lists(NAMES, unique=True, min_size=1, max_size=3))),
     )
 
 
@@ -95,7 +108,10 @@ def test_every_rig_comes_back_exactly(tmp_path_factory: pytest.TempPathFactory, 
     path = tmp_path_factory.getbasetemp() / "rig.toml"
     write_rig_toml(path, rig)
     back = read_rig_toml(path).rig(rig.observations)
-    for name in ("target", "image_size", "distortion", "skew", "pixel_std", "observations"):
+    for name in (
+        *("target", "image_size", "distortion", "skew", "pixel_std", "placement_std", "lasers"),
+        "observations",
+    ):
         assert getattr(back, name) == getattr(rig, name)
 
 
@@ -104,6 +120,65 @@ def test_what_is_written_names_its_sections_as_the_example_does():
     example = tomllib.loads(EXAMPLE)
     del example["board"]
     assert tomllib.loads(text) == example
+
+
+def test_lasers_temperature_and_placement_are_read(tmp_path: Path):
+    text = LASERS.replace("tolerance_mm = 0.0", STEEL, 1).replace(
+        "pixel_std = 0.1", "placement_std_mm = 0", 1
+    )
+    rig = read_rig_toml(written(tmp_path, text)).rig()
+    assert rig.lasers == ("left", "right")
+    assert (rig.pixel_std, rig.placement_std) == (None, 0.0)
+    target = rig.target
+    assert (target.expansion_per_K, target.warmer_by_K) == (11.5e-6, -4.0)
+    assert (target.warmer_by_std_K, target.expansion_std_per_K) == (0.5, 0.0)
+
+
+def test_without_lasers_there_is_one_called_laser(tmp_path: Path):
+    file = read_rig_toml(written(tmp_path, EXAMPLE))
+    assert (file.lasers, file.placement_std) == (("laser",), None)
+
+
+@pytest.mark.parametrize("name", ["", " left", "a/b", "..", ".hidden", "camera", "a\nb", "x" * 61])
+def test_a_laser_whose_name_names_no_folder_is_not_written(tmp_path: Path, name: str):
+    rig = Rig(CollinearTarget(), (1392, 1040), lasers=("left", name or "\x7f"))
+    with pytest.raises(InputError, match=r"rig.toml: laser\[1\].name is"):
+        write_rig_toml(tmp_path / "rig.toml", rig)
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        ('"right"', '"left"', "two lasers are called 'left' – give each a name of its own"),
+        ('"right"', '""', r"laser\[1\].name is '', expected a word"),
+        ('"right"', '"a/b"', r"laser\[1\].name is 'a/b', expected a word"),
+        ('"right"', "7", r"laser\[1\].name is 7, expected text in quotes"),
+        ('name = "right"', "", r"laser\[1\]: 'name' is missing"),
+        ('name = "right"', 'nme = "right"', r"unknown key 'nme' in \[laser\[1\]\] – did you mean"),
+        ("[[laser]]", "[[lasers]]", "unknown key 'lasers' – did you mean 'laser'"),
+        ("[camera]", "[laser]\n[camera]", "is not TOML"),
+        ("warmer_by_std_K = 0.5", "", "target: expansion_per_K is given without warmer_by_std_K"),
+        ("expansion_per_K = 11.5e-6", "", "target: warmer_by_K is given without expansion_per_K"),
+        ("11.5e-6", "11.5", "the target would be -4600.0% longer than it was measured"),
+        ("11.5e-6", "-11.5e-6", "expansion_per_K is -1.15e-05"),
+        ("warmer_by_std_K = 0.5", "warmer_by_std_K = -1", "warmer_by_std_K is -1"),
+        ("pixel_std = 0.1", "placement_std_mm = -1", "noise.placement_std_mm is -1, expected a nu"),
+        ("pixel_std = 0.1", "placement_std = 1", "unknown key 'placement_std' in .noise. – did y"),
+    ],
+    ids=lambda value: value[:32],
+)
+def test_slips_of_lasers_and_temperatures(tmp_path: Path, old: str, new: str, message: str):
+    text = LASERS.replace("tolerance_mm = 0.0", STEEL, 1)
+    assert old in text
+    with pytest.raises(InputError, match=rf"rig.toml:? {message}") as caught:
+        read_rig_toml(written(tmp_path, text.replace(old, new, 1)))
+    assert "\n" not in str(caught.value)
+
+
+def test_an_empty_list_of_lasers_is_refused(tmp_path: Path):
+    with pytest.raises(InputError, match="laser is a list of 0, expected 1 entries or more"):
+        read_rig_toml(written(tmp_path, "laser = []\n" + EXAMPLE))
 
 
 def test_the_pictures_tell_their_size(tmp_path: Path):

@@ -37,6 +37,20 @@ def test_columns_that_are_absent_are_none(tmp_path: Path):
     segments = read_segments(tmp_path / "segments.csv")
     assert segments.std is None
     assert segments.known_mm is None
+    assert segments.known_std_mm is None
+    assert segments.laser is None
+
+
+def test_the_sheet_and_the_known_lengths_uncertainty_are_read(tmp_path: Path):
+    path = tmp_path / "segments.csv"
+    path.write_text(
+        "segment,u1,v1,u2,v2,laser,known_mm,known_std_mm\n"
+        "a,1,2,3,4,left,150,0.002\nb,1,2,3,4,,150,0\nc,1,2,3,4, right ,,\n"
+    )
+    segments = read_segments(path)
+    assert segments.laser == ("left", None, "right")
+    assert segments.known_std_mm is not None
+    np.testing.assert_array_equal(segments.known_std_mm, [0.002, 0.0, np.nan])
 
 
 @pytest.mark.parametrize(
@@ -49,8 +63,19 @@ def test_columns_that_are_absent_are_none(tmp_path: Path):
         ("segment,u1,v1,u2\na,1,2,3\n", "line 1: column 'v2' is missing"),
         ("segment,u1,v1,u2,v2,known\n", "line 1: unknown column 'known'"),
         ("segment,u1,v1,u2,v2,known_mm\na,1,2,3,4,-150\n", "line 2: 'known_mm' is -150.0, expect"),
+        (
+            "segment,u1,v1,u2,v2,known_mm,known_std_mm\na,1,2,3,4,,0.1\n",
+            "line 2: known_std_mm of segment 'a' is given without known_mm",
+        ),
+        (
+            "segment,u1,v1,u2,v2,known_mm,known_std_mm\na,1,2,3,4,150,-1\n",
+            "line 2: 'known_std_mm' is -1.0, expected a number of 0 or more",
+        ),
     ],
-    ids=["twice", "no length", "no number", "no name", "missing", "unknown", "negative"],
+    ids=[
+        *("twice", "no length", "no number", "no name", "missing", "unknown", "negative"),
+        *("std of nothing", "negative std"),
+    ],
 )
 def test_bad_segments_are_named(tmp_path: Path, content: str, message: str):
     (tmp_path / "segments.csv").write_text(content)

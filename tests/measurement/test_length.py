@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from scipy.stats import t as student
 
 from sheetoflight.errors import InputError
 from sheetoflight.measurement.length import lengths
@@ -12,7 +13,8 @@ from sheetoflight.measurement.triangulation import (
     triangulate,
     triangulate_with_jacobians,
 )
-from sheetoflight.model.calibration import Calibration, Covariance, Residuals
+from sheetoflight.model.calibration import Calibration, Residuals
+from sheetoflight.model.covariance import Covariance, NoiseComponents, Source
 from sheetoflight.model.camera import Camera
 from sheetoflight.model.light_plane import LightPlane
 from sheetoflight.model.target import CollinearTarget
@@ -116,11 +118,29 @@ def test_the_interval_holds_95_per_cent() -> None:
     assert found.std == pytest.approx(2 * calibrated().length(UV[0], UV[1]).std)
 
 
-def test_the_targets_tolerance_is_systematic() -> None:
-    ends = np.stack([UV[:2], [UV[0], UV[0] + (UV[1] - UV[0]) / 2]])
-    long, short = lengths(calibrated(tolerance_mm=0.1, pixel_std=1e-9), ends)
-    assert long.std / long.value == pytest.approx(short.std / short.value, rel=1e-6)
-    assert long.std / long.value == pytest.approx(0.1 / np.sqrt(80_000), rel=1e-6)
+def test_sources_add_up_and_estimated_noise_widens_the_interval() -> None:
+    """Student's factor with the effective degrees of freedom of GUM G.4.1."""
+    names, matrix = ("laser.d",), np.array([[0.04]])
+    sources = (Source("camera", 0.75 * matrix, "pixel"), Source("target length", 0.25 * matrix))
+    components = NoiseComponents(("pixel",), (0.1,), np.array([[2.0 / 8.0]]))
+    covariance = Covariance(names, matrix, sources, components)
+    found = calibrated(covariance=covariance).length(UV[0], UV[1], std_px=1e-9)
+    budget = dict(found.budget)
+    assert found.std**2 == pytest.approx(sum(part**2 for part in budget.values()))
+    assert budget["camera"] ** 2 == pytest.approx(3 * budget["target length"] ** 2)
+    freedom = 8.0 / 0.75**2
+    assert found.degrees_of_freedom == pytest.approx(freedom)
+    reach = student.ppf(0.975, freedom) * found.std
+    assert found.interval == pytest.approx((found.value - reach, found.value + reach))
+
+
+def test_the_image_points_own_noise_is_as_uncertain_as_the_calibrations() -> None:
+    components = NoiseComponents(("pixel",), (0.1,), np.array([[2.0 / 8.0]]))
+    covariance = Covariance((), np.zeros((0, 0)), (), components)
+    estimated = calibrated(covariance=covariance).length(UV[0], UV[1])
+    assert estimated.degrees_of_freedom == pytest.approx(8.0)
+    stated = calibrated(covariance=covariance).length(UV[0], UV[1], std_px=0.1)
+    assert stated.degrees_of_freedom == np.inf
 
 
 @pytest.mark.parametrize(

@@ -8,7 +8,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from sheetoflight.errors import InputError
-from sheetoflight.model.calibration import Covariance, ViewResiduals
+from sheetoflight.model.calibration import ViewResiduals
+from sheetoflight.model.covariance import Covariance
 from sheetoflight.model.light_plane import LightPlane
 from sheetoflight.model.observations import Observations, TargetViews
 from sheetoflight.model.rig import Rig
@@ -31,10 +32,18 @@ def test_unequal_distances_are_welcome() -> None:
     assert np.array_equal(target.positions, [0.0, 120.0, 300.0, 310.0])
 
 
-def test_tolerance_becomes_scale_as_a_straight_line_fit_says() -> None:
-    target = CollinearTarget((0.0, 200.0, 400.0), tolerance_mm=0.1)
-    # slope of three points at -200, 0, 200: sigma / sqrt(sum s²)
-    assert target.relative_tolerance == pytest.approx(0.1 / np.sqrt(80_000.0))
+def test_a_warm_target_is_longer() -> None:
+    target = CollinearTarget(
+        (0.0, 200.0, 400.0),
+        expansion_per_K=1e-5,
+        warmer_by_K=10.0,
+        warmer_by_std_K=3.0,
+        expansion_std_per_K=4e-6,
+    )
+    assert target.positions[-1] == pytest.approx(400.04)
+    assert target.thermal_std == pytest.approx(5e-5)
+    with pytest.raises(InputError, match="longer than"):
+        CollinearTarget(expansion_per_K=11.5, warmer_by_K=1.0)
 
 
 def test_a_light_plane_is_normalised_and_read_only() -> None:

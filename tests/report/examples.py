@@ -8,7 +8,8 @@ from typing import Any
 import numpy as np
 
 from sheetoflight.geometry.directions import tangent_basis
-from sheetoflight.model.calibration import Calibration, Covariance, Residuals, ViewResiduals
+from sheetoflight.model.calibration import Calibration, Residuals, ViewResiduals
+from sheetoflight.model.covariance import Covariance
 from sheetoflight.model.camera import Camera
 from sheetoflight.model.light_plane import LightPlane
 from sheetoflight.model.line_piece import LinePiece

@@ -21,7 +21,7 @@ def small_rig() -> SimulatedRig:
     sideways = sideways if sideways[2] < 0 else -sideways
     return SimulatedRig(
         camera=Camera((320, 240), 520.0, 515.0, 161.3, 118.2),
-        light_plane=plane,
+        light_planes=(plane,),
         target=CollinearTarget((0.0, 110.0, 260.0), marker_size_mm=30.0),
         anchor_mm=np.array([0.0, -90.0, 950.0]),
         projector_mm=foot + 300.0 * sideways,

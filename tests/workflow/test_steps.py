@@ -170,6 +170,89 @@ def test_image_size_may_come_from_the_pictures(rig_folder: Path) -> None:
     assert load_rig(rig_folder).image_size == (1392, 1040)
 
 
+def with_lasers(folder: Path, *names: str) -> None:
+    """The same rig with named lasers, and no points.csv."""
+    with (folder / "rig.toml").open("a") as file:
+        file.writelines(f'\n[[laser]]\nname = "{name}"\n' for name in names)
+    (folder / "points.csv").unlink()
+
+
+def test_each_of_two_lasers_has_a_folder_of_in_plane_pictures(rig_folder: Path) -> None:
+    expected = load_rig(rig_folder).observations.plane
+    pictures = sorted((rig_folder / "plane").iterdir())
+    for name in ("left", "right"):
+        (rig_folder / "plane" / name).mkdir()
+    for path in pictures:
+        name = "left" if "plane00" in path.name else "right"
+        path.rename(path.parent / name / path.name.replace("plane01", "plane00"))
+    with_lasers(rig_folder, "left", "right")
+    plane = detect(rig_folder).rig.observations.plane
+    assert plane.names == ("left/plane00", "right/plane00", "right/plane02", "right/plane03")
+    assert plane.lasers.tolist() == [0, 1, 1, 1]
+    assert np.array_equal(plane.uv, expected.uv)
+    again = load_rig(rig_folder)
+    assert again.lasers == ("left", "right")
+    assert again.observations.plane.names == plane.names
+    assert np.array_equal(again.observations.plane.lasers, plane.lasers)
+
+
+def test_pictures_that_name_no_laser_are_refused(rig_folder: Path) -> None:
+    with_lasers(rig_folder, "left", "right")
+    (rig_folder / "plane" / "left").mkdir()
+    with pytest.raises(InputError, match=r"plane holds no folder right/, but .* 2 lasers – put"):
+        load_rig(rig_folder)
+    (rig_folder / "plane" / "right").mkdir()
+    with pytest.raises(InputError, match=r"plane holds pictures that name no laser, but the rig"):
+        load_rig(rig_folder)
+
+
+def test_a_single_laser_of_any_name_needs_no_folder(rig_folder: Path) -> None:
+    with_lasers(rig_folder, "red")
+    rig = load_rig(rig_folder)
+    assert rig.lasers == ("red",)
+    assert "plane00" in rig.observations.plane.names
+
+
+CROSSING = "c0,crossing,0,100,200,\nc0,crossing,1,300,200,\nc0,crossing,laser,250.5,200,0.2\n"
+
+
+def test_pictures_of_crossings_need_points(rig_folder: Path) -> None:
+    """What is searched for in them is the next version's matter; what is given is used."""
+    written = (rig_folder / "points.csv").read_text()
+    shutil.copytree(rig_folder / "camera", rig_folder / "crossing")
+    (rig_folder / "points.csv").unlink()
+    for read in (load_rig, detect):
+        with pytest.raises(InputError, match=r"crossing holds pictures, and there is no points.c"):
+            read(rig_folder)
+    (rig_folder / "points.csv").write_text(written + CROSSING)
+    crossing = load_rig(rig_folder).observations.crossing
+    assert crossing.names == ("c0",)
+    assert crossing.uv[0, 3].tolist() == [250.5, 200.0]
+    kept = detect(rig_folder).rig.observations.crossing
+    assert np.array_equal(kept.uv, crossing.uv, equal_nan=True)
+    again = load_rig(rig_folder).observations
+    assert np.array_equal(again.crossing.uv, crossing.uv, equal_nan=True)
+    assert list(again.stages()) == ["camera", "plane", "crossing"]
+
+
+@pytest.mark.parametrize("stage", ["camera", "plane", "crossing"])
+def test_points_of_one_stage_alone_are_loaded(rig_folder: Path, stage: str) -> None:
+    path = rig_folder / "points.csv"
+    header, *rows = (path.read_text() + CROSSING).splitlines()
+    path.write_text("\n".join([header, *(row for row in rows if f",{stage}," in row)]))
+    assert list(load_rig(rig_folder).observations.stages()) == [stage]
+
+
+def test_a_wrong_detection_is_loaded_for_the_calibration_to_name(rig_folder: Path) -> None:
+    path = rig_folder / "points.csv"
+    lines = path.read_text().splitlines()
+    view, stage, marker, *_ = lines[2].split(",")
+    lines[2] = ",".join([view, stage, marker, "7.5", "8.5", ""])
+    path.write_text("\n".join(lines))
+    seen = load_rig(rig_folder).observations.stages()[stage]
+    assert seen.uv[seen.names.index(view), int(marker)].tolist() == [7.5, 8.5]
+
+
 def test_a_report_is_written_with_its_pictures(rendered: Path, tmp_path: Path) -> None:
     calibration = calibrate_folder(rendered)
     pictures = measure_pictures(calibration, list_pictures(rendered / "measure")[:1])

@@ -1,59 +1,163 @@
-"""How large the noise is said to be, and how large it turns out."""
+"""What disturbs the image points: how it is correlated, and how large it is said to be.
+
+``pixel`` noise moves every image coordinate by itself. A target laid into the sheet of light is
+never exactly in it: ``placement`` moves its two ends off the sheet, independently, and the
+markers between them with the straight rod; ``marker`` moves every marker by itself, as a bent
+or carelessly glued target has them. With the image motion j of a marker per mm along the
+sheet's normal, a view's covariance is ``Σ = σ² D + G (δ² B Bᵀ + ε² I) Gᵀ``, G holding the j.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.special import chdtri
 
+from sheetoflight.calibration.adjustment import Adjustment
+from sheetoflight.calibration.rig_state import RigState
+from sheetoflight.estimation.variance_components import Contrasts, contrasts
 from sheetoflight.geometry.directions import Array
 from sheetoflight.model.observations import TargetViews
+from sheetoflight.model.rig import Rig
+
+COMPONENTS = ("pixel", "placement", "marker")
+PIXEL, PLACEMENT, MARKER = range(3)
 
 _FALSE_ALARM = 1e-3
 
 
 @dataclass(frozen=True)
 class NoiseModel:
-    """Standard uncertainties of the image coordinates.
+    """Sizes and proportions of the noise.
 
     Parameters
     ----------
-    std : mapping from stage to (N, M) array
-        px; right in proportion, and in size where `stated`.
-    stated : bool
-        Whether the user said how large the noise is (``pixel_std``). Where not, its size is
-        estimated from the residuals.
+    proportions : mapping from stage to (N, M) array
+        Of the image coordinates' standard uncertainties; root mean square 1.
+    variances : (3,) array
+        Of the `COMPONENTS`: px², mm², mm².
+    free : (3,) mask
+        Which of them are to be estimated from the residuals.
     """
 
-    std: Mapping[str, Array]
-    stated: bool
+    proportions: Mapping[str, Array]
+    variances: Array
+    free: np.ndarray
 
-    def variance_factor(self, chi2: float, degrees_of_freedom: int) -> float:
-        """By how much the variances must grow to agree with the residuals.
+    def with_variances(self, variances: Array) -> NoiseModel:
+        """The same noise with other sizes."""
+        return replace(self, variances=np.asarray(variances, dtype=float))
 
-        Stated variances never shrink: residuals that look too good do not prove them wrong.
+    def std(self, stage: str) -> Array:
+        """Standard uncertainty of each image coordinate of a stage ``(N, M)``, px."""
+        return np.sqrt(self.variances[PIXEL]) * self.proportions[stage]
+
+    def adjustment(
+        self,
+        rig: Rig,
+        stages: Mapping[str, TargetViews],
+        free: tuple[str, ...],
+        state: RigState | None = None,
+    ) -> Adjustment:
+        """The adjustment of some stages with this noise.
+
+        Parameters
+        ----------
+        rig : Rig
+        stages : mapping from stage to TargetViews
+        free : tuple of str
+            Shared parameters to estimate.
+        state : RigState, optional
+            Where the image motions j are evaluated; needed where there is placement noise.
         """
-        if degrees_of_freedom <= 0:
-            return 1.0
-        factor = chi2 / degrees_of_freedom
-        return max(factor, 1.0) if self.stated else factor
+        std = {stage: self.std(stage) for stage in stages}
+        plain = Adjustment(rig.target.positions, stages, std, free)
+        if "plane" not in stages or not self.variances[PLACEMENT:].any() or state is None:
+            return plain
+        covariance = self.covariance(plain, state, "plane")
+        places = np.arange(covariance.shape[-1])
+        unseen = ~np.repeat(stages["plane"].seen, 2, axis=1)
+        covariance[:, places, places] += np.where(unseen, 1.0, 0.0)
+        whitener = np.linalg.inv(np.linalg.cholesky(covariance))
+        return Adjustment(rig.target.positions, stages, std, free, {"plane": whitener})
 
-    def typical_std(self, factor: float) -> float:
-        """Root mean square standard uncertainty of all image coordinates, px."""
-        squares = np.concatenate([std.ravel() ** 2 for std in self.std.values()])
-        return float(np.sqrt(factor * squares.mean()))
+    def parts(self, adjustment: Adjustment, state: RigState, stage: str) -> list[tuple[int, Array]]:
+        """The components that act in a stage and their covariances per unit, ``(N, 2M, 2M)``."""
+        views = adjustment.stages[stage]
+        proportions = np.where(views.seen, self.proportions[stage], 0.0)
+        places = np.arange(2 * proportions.shape[1])
+        pixel = np.zeros((len(views), places.size, places.size))
+        pixel[:, places, places] = np.repeat(proportions**2, 2, axis=1)
+        parts: list[tuple[int, Array]] = [(PIXEL, pixel)]
+        if stage == "plane":
+            motion = off_sheet_motion(adjustment, state)
+            for component, offsets in (
+                (PLACEMENT, _rod_offsets(adjustment.positions)),
+                (MARKER, np.eye(len(adjustment.positions))),
+            ):
+                if self.free[component] or self.variances[component] > 0:
+                    parts.append((component, motion @ offsets @ np.swapaxes(motion, 1, 2)))
+        return parts
+
+    def covariance(self, adjustment: Adjustment, state: RigState, stage: str) -> Array:
+        """Covariance of each view's image coordinates ``(N, 2M, 2M)``, px²."""
+        parts = self.parts(adjustment, state, stage)
+        return np.sum([self.variances[k] * part for k, part in parts], axis=0)
+
+    def contrasts(
+        self, adjustment: Adjustment, state: RigState, moves: Mapping[str, list[Array]]
+    ) -> list[Contrasts]:
+        """The adjustment at a state with each view's pose eliminated, stage by stage.
+
+        Parameters
+        ----------
+        adjustment : Adjustment
+        state : RigState
+        moves : mapping from stage to list of (N, M, 3) arrays
+            Further ways in which the points could move; columns behind the shared parameters.
+        """
+        groups = []
+        for stage, views in adjustment.stages.items():
+            block = adjustment.block(state, stage, moves.get(stage, ()))
+            parts = self.parts(adjustment, state, stage)
+            seen = np.repeat(views.seen, 2, axis=1)
+            groups.append(contrasts(block, np.zeros_like(parts[0][1]), parts, seen))
+        return groups
 
 
-def noise_model(stages: Mapping[str, TargetViews], pixel_std: float | None) -> NoiseModel:
-    """Size and proportions of the noise.
+def off_sheet_motion(adjustment: Adjustment, state: RigState) -> Array:
+    """G ``(N, 2M, M)``: how a marker's image moves per mm along the sheet's normal."""
+    views = adjustment.stages["plane"]
+    points = adjustment.placed(state, "plane").points
+    _, by_point, _ = state.camera.project_with_jacobians(points, ())
+    normals = state.frames[views.lasers][:, :, 2]
+    along = np.einsum("nmij,nj->nmi", by_point, normals)
+    along = np.where(views.seen[..., None], along, 0.0)
+    count, markers = along.shape[:2]
+    motion = np.zeros((count, markers, 2, markers))
+    places = np.arange(markers)
+    motion[:, places, :, places] = np.swapaxes(along, 0, 1)
+    return motion.reshape(count, 2 * markers, markers)
 
-    The points' own ``std`` give the proportions only. A detector derives them from the grey
-    values' noise; what else moves a marker – its print, its light, the lens – it cannot know,
-    so the size comes from ``pixel_std``, as the root mean square over all points, or else from
-    the residuals. Points without ``std`` count as typical ones.
+
+def _rod_offsets(positions: Array) -> Array:
+    """``B Bᵀ``: covariance of the markers' offsets for unit variance at both ends."""
+    share = (positions - positions[0]) / (positions[-1] - positions[0])
+    ends = np.stack([1.0 - share, share], axis=1)
+    return ends @ ends.T
+
+
+def noise_model(rig: Rig) -> NoiseModel:
+    """The noise that a rig states, and what is left to be estimated.
+
+    The points' own ``std`` give proportions only. A detector derives them from the grey values'
+    noise; what else moves a marker – its print, its light, the lens – it cannot know, so the
+    size comes from ``pixel_std``, as the root mean square over all points, or else from the
+    residuals. Points without ``std`` count as typical ones.
     """
+    stages = rig.observations.stages()
     own = {
         stage: np.full(views.uv.shape[:2], np.nan) if views.std is None else views.std
         for stage, views in stages.items()
@@ -61,12 +165,14 @@ def noise_model(stages: Mapping[str, TargetViews], pixel_std: float | None) -> N
     everywhere = np.concatenate([values.ravel() for values in own.values()] or [np.zeros(0)])
     known = everywhere[np.isfinite(everywhere)]
     typical = float(np.sqrt(np.mean(known**2))) if known.size else 1.0
-    size = typical if pixel_std is None else pixel_std
-    std = {
-        stage: np.where(np.isfinite(values), values, typical) * (size / typical)
+    proportions = {
+        stage: np.where(np.isfinite(values), values, typical) / typical
         for stage, values in own.items()
     }
-    return NoiseModel(std, stated=pixel_std is not None)
+    lying = "plane" in stages and rig.placement_std is None
+    variances = [(rig.pixel_std or typical) ** 2, (rig.placement_std or 0.0) ** 2, 0.0]
+    free = np.array([rig.pixel_std is None, lying, lying])
+    return NoiseModel(proportions, np.array(variances), free)
 
 
 def chi2_limit(degrees_of_freedom: int) -> float:

@@ -45,6 +45,14 @@ pictures.
 Example: sol measure calibration.json segments.csv -o lengths.csv
 
 Example: sol measure calibration.json rig/measure -o lengths.csv""",
+    "verify": """Known lengths against measured ones: errors, limits, and what stands out.
+
+Measures as sol measure does and compares with the lengths given by --known, or in a column
+known_mm of segments.csv. Exit status 4 where a length fails.
+
+Example: sol verify calibration.json rig/measure --known 300 --mpe-mm 0.2
+
+Example: sol verify calibration.json segments.csv --known known.csv --page verification.html""",
     "report": """One self-contained page: the numbers, figures to turn, what was used.
 
 Example: sol report calibration.json rig/measure -o report.html""",

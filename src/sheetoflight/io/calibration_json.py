@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
@@ -14,16 +15,16 @@ from sheetoflight.io.atomic import write_whole
 from sheetoflight.io.calibration_schema import (
     CalibrationDocument,
     CameraPart,
-    CovariancePart,
     LightPlanePart,
     TargetPart,
     ViewPart,
 )
+from sheetoflight.io.covariance_json import covariance_document, covariance_from
 from sheetoflight.io.documents import json_text, read_json
 from sheetoflight.io.quoting import one_line, shown
 from sheetoflight.io.reading import naming
 from sheetoflight.io.schema import validated
-from sheetoflight.model.calibration import Calibration, Covariance, Residuals, ViewResiduals
+from sheetoflight.model.calibration import Calibration, Residuals, ViewResiduals
 from sheetoflight.model.camera import Camera
 from sheetoflight.model.light_plane import LightPlane
 from sheetoflight.model.target import CollinearTarget
@@ -33,10 +34,6 @@ VERSION = 1
 
 UNIT_TOLERANCE = 1e-6
 """How far a normal's length may lie from 1: more than rounding, less than a typing error."""
-
-COVARIANCE_TOLERANCE = 1e-6
-"""How far, on the scale of correlations, a covariance may lie from symmetric and positive
-semi-definite: an ill-conditioned inverse is no better."""
 
 
 def calibration_text(calibration: Calibration) -> str:
@@ -64,10 +61,7 @@ def calibration_text(calibration: Calibration) -> str:
             ],
             **({"target": _target_document(target)} if target else {}),
             "pixel_std": calibration.pixel_std,
-            "covariance": {
-                "parameters": calibration.covariance.parameters,
-                "matrix": calibration.covariance.matrix,
-            },
+            "covariance": covariance_document(calibration.covariance),
             "residuals": {
                 "rms_px": residuals.rms_px,
                 "chi2_per_dof": residuals.chi2_per_dof,
@@ -101,7 +95,7 @@ def read_calibration(path: str | Path) -> Calibration:
     ------
     InputError
         If format or version differ, a key is missing or wrong, a normal is not of length one,
-        or the covariance is none; file and key are named.
+        the covariance is none, or its sources do not add up to it; file and key are named.
     FileError
         If the file cannot be read, or is not JSON.
     """
@@ -131,7 +125,7 @@ def _calibration(content: CalibrationDocument) -> Calibration:
         method=content.method,
         camera=_camera(content.camera),
         light_planes=_light_planes(content.light_planes),
-        covariance=_covariance(content.covariance),
+        covariance=covariance_from(content.covariance),
         residuals=Residuals(
             residuals.rms_px,
             residuals.chi2_per_dof,
@@ -151,20 +145,12 @@ def _camera(part: CameraPart) -> Camera:
 
 
 def _target_document(target: CollinearTarget) -> dict[str, Any]:
-    return {
-        "kind": "collinear",
-        "markers_mm": target.markers_mm,
-        "tolerance_mm": target.tolerance_mm,
-        "marker": target.marker,
-        "marker_size_mm": target.marker_size_mm,
-    }
+    return {"kind": "collinear", **asdict(target)}
 
 
 def _target(part: TargetPart) -> CollinearTarget:
     with naming("target"):
-        return CollinearTarget(
-            tuple(part.markers_mm), part.tolerance_mm, part.marker, part.marker_size_mm
-        )
+        return CollinearTarget(**part.model_dump(exclude={"kind"}))
 
 
 def _light_planes(parts: list[LightPlanePart]) -> tuple[LightPlane, ...]:
@@ -186,54 +172,6 @@ def _light_plane(part: LightPlanePart, key: str) -> LightPlane:
         )
     with naming(key):
         return LightPlane(np.array(part.normal), part.distance_mm, part.name)
-
-
-def _covariance(part: CovariancePart) -> Covariance:
-    names, size = part.parameters, len(part.parameters)
-    if len(set(names)) < size:
-        twice = next(name for name in names if names.count(name) > 1)
-        raise InputError(
-            f"covariance.parameters names {shown(twice)} twice", "name every parameter once"
-        )
-    if len(part.matrix) != size or any(len(row) != size for row in part.matrix):
-        raise InputError(
-            f"covariance.matrix does not have {size} rows of {size} numbers",
-            "give one row and column for each of covariance.parameters",
-        )
-    matrix = np.array(part.matrix, dtype=float).reshape(size, size)
-    _check_covariance(matrix, names)
-    return Covariance(tuple(names), matrix)
-
-
-def _check_covariance(matrix: Array, names: list[str]) -> None:
-    """A covariance is symmetric, and no combination of parameters has a negative variance."""
-    variances = np.diag(matrix)
-    if (variances < 0).any():
-        index = int(np.argmin(variances))
-        raise InputError(
-            f"covariance.matrix[{index}][{index}], the variance of {one_line(names[index])}, "
-            f"is {variances[index]:.6g}",
-            "a variance is 0 or more: the file is damaged, calibrate again",
-        )
-    std = np.sqrt(variances)
-    scale = np.outer(std, std)
-    excess = np.abs(matrix - matrix.T) > COVARIANCE_TOLERANCE * scale
-    if excess.any():
-        row, column = np.argwhere(excess)[0]
-        raise InputError(
-            f"covariance.matrix is not symmetric: [{row}][{column}] is "
-            f"{matrix[row, column]:.9g}, [{column}][{row}] is {matrix[column, row]:.9g}",
-            "the file is damaged: calibrate again",
-        )
-    correlation = np.divide(matrix, scale, out=np.zeros_like(matrix), where=scale > 0)
-    stray = (scale == 0) & (matrix != 0)
-    lowest = np.linalg.eigvalsh(correlation).min(initial=0.0) if not stray.any() else -np.inf
-    if not lowest >= -COVARIANCE_TOLERANCE:
-        raise InputError(
-            "covariance.matrix is not positive semi-definite: some combination of parameters "
-            "has a negative variance",
-            "the file is damaged: calibrate again",
-        )
 
 
 def _view(part: ViewPart, key: str) -> ViewResiduals:

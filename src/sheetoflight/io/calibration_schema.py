@@ -6,7 +6,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field
 
-from sheetoflight.model.target import MarkerKind
+from sheetoflight.model.target import CollinearTarget, MarkerKind
 
 
 class _Part(BaseModel):
@@ -47,6 +47,26 @@ class TargetPart(_Part):
     tolerance_mm: float
     marker: MarkerKind
     marker_size_mm: float
+    expansion_per_K: float = CollinearTarget.expansion_per_K
+    warmer_by_K: float = CollinearTarget.warmer_by_K
+    warmer_by_std_K: float = CollinearTarget.warmer_by_std_K
+    expansion_std_per_K: float = CollinearTarget.expansion_std_per_K
+
+
+class SourcePart(_Part):
+    """An entry of ``covariance.sources``: one cause's share, in the order of ``parameters``."""
+
+    name: _Name
+    component: _Name | None = None
+    matrix: list[list[float]]
+
+
+class NoisePart(_Part):
+    """``covariance.noise``: what was estimated of the noise, an entry for each component."""
+
+    components: list[_Name]
+    std: list[Annotated[float, Field(ge=0)]]
+    relative_covariance: list[list[float]]
 
 
 class CovariancePart(_Part):
@@ -54,10 +74,13 @@ class CovariancePart(_Part):
 
     parameters: list[_Name]
     matrix: list[list[float]]
+    sources: list[SourcePart] = []
+    noise: NoisePart = NoisePart(components=[], std=[], relative_covariance=[])
 
 
 class ViewPart(_Part):
-    """An entry of ``residuals.views``: a row for each marker, null where it was not seen."""
+    """An entry of ``residuals.views``: a row for each marker, then in stage crossing for each
+    laser's spot, null where it was not seen."""
 
     stage: str = ""
     view: str = ""
@@ -78,7 +101,8 @@ class CalibrationDocument(_Part):
     """The whole file, its ``format`` and ``version`` checked before.
 
     What this package writes beyond the documented keys may be missing: ``target`` (then its
-    tolerance is not in the uncertainty), ``pixel_std`` (then ``rms_px``) and ``warnings``.
+    tolerance is not in the uncertainty), ``pixel_std`` (then ``rms_px``), ``warnings``, and of
+    ``covariance`` its ``sources`` and ``noise`` (then what it comes from is not known).
     """
 
     method: _Name

@@ -72,6 +72,16 @@ class Row:
             )
         return value
 
+    def optional_not_negative(self, column: str) -> float | None:
+        """The cell as a number of 0 or more; None where it is empty or the column is absent."""
+        value = self.optional_number(column)
+        if value is not None and value < 0:
+            raise InputError(
+                f"{self.place}: '{column}' is {value}, expected a number of 0 or more",
+                "correct it, or leave it empty where it is unknown",
+            )
+        return value
+
     def whole(self, column: str) -> int | None:
         """The cell as a whole number of 0 or more; None where it is none."""
         text = self.cells[column].strip()

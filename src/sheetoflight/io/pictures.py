@@ -147,7 +147,24 @@ def list_pictures(folder: str | Path) -> list[PictureFile]:
     FileError
         If the folder is missing or cannot be read.
     """
-    return picture_files(_picture_paths(Path(folder)))
+    paths = _picture_paths(Path(folder))
+    if not paths:
+        raise InputError(
+            f"{file_name(folder)} holds no picture",
+            f"put pictures there ({' '.join(sorted(ENDINGS))})",
+        )
+    return picture_files(paths)
+
+
+def holds_pictures(folder: str | Path) -> bool:
+    """Whether there is any file that `list_pictures` lists.
+
+    Raises
+    ------
+    FileError
+        If the folder is missing or cannot be read.
+    """
+    return bool(_picture_paths(Path(folder)))
 
 
 def picture_files(paths: Sequence[Path]) -> list[PictureFile]:
@@ -179,17 +196,11 @@ def _picture_paths(folder: Path) -> list[Path]:
         raise FileError(
             f"{file_name(folder)} is no folder that can be read ({reason})", "check its name"
         ) from error
-    pictures = [
+    return [
         path
         for path in paths
         if path.suffix.lower() in ENDINGS and not path.name.startswith(".") and path.is_file()
     ]
-    if not pictures:
-        raise InputError(
-            f"{file_name(folder)} holds no picture",
-            f"put pictures there ({' '.join(sorted(ENDINGS))})",
-        )
-    return pictures
 
 
 def _name_and_light(path: Path) -> tuple[str, str]:

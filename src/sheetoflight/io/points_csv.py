@@ -1,12 +1,14 @@
-"""``points.csv``: the image points of markers, one a row.
+"""``points.csv``: the image points of markers and of the laser's spots, one a row.
 
-Header ``view,stage,marker,u,v``, further columns ``std`` (px) and ``x,y,z`` (mm) as wanted. Rows
-come in any order. A marker that was not seen has no row, so a view without any seen marker is
-not part of the file.
+Header ``view,stage,marker,u,v``, further columns ``std`` (px), ``laser`` (a laser's name) and
+``x,y,z`` (mm) as wanted. Rows come in any order. A marker that was not seen has no row, so a view
+without any seen marker is not part of the file.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
@@ -16,84 +18,113 @@ from sheetoflight.io.atomic import write_whole
 from sheetoflight.io.csv_table import Row, read_table, table_text
 from sheetoflight.io.quoting import file_name, shown
 from sheetoflight.model.observations import Observations, TargetViews
+from sheetoflight.model.rig import Rig
 from sheetoflight.model.target import CollinearTarget
 
 COLUMNS = ("view", "stage", "marker", "u", "v")
-OPTIONAL_COLUMNS = ("std", "x", "y", "z")
-STAGES = ("camera", "plane")
-STAGES_NOT_ADJUSTED = ("crossing", "board")
+OPTIONAL_COLUMNS = ("std", "laser", "x", "y", "z")
+STAGES = ("camera", "plane", "crossing")
+STAGES_NOT_ADJUSTED = ("board",)
+SPOT = "laser"
+"""What column ``marker`` says of the spot where a sheet crosses the target."""
 
-_Points = dict[str, dict[int, tuple[float, float, float | None]]]
+_FEWEST_MARKERS = 3
 
 
-def read_points(path: str | Path, target: CollinearTarget) -> Observations:
-    """Detections of the target's markers.
+@dataclass
+class _View:
+    """What the rows of one view say: where it began, its laser, and each column's point."""
 
-    Columns ``x,y,z`` belong to points on a board: they must be numbers, and are not used here.
+    place: str
+    laser: int
+    points: dict[int, tuple[float, float, float | None]] = field(default_factory=dict)
+
+
+_Views = dict[str, _View]
+
+
+def read_points(
+    path: str | Path, target: CollinearTarget, lasers: Sequence[str] = Rig.lasers
+) -> Observations:
+    """Detections of the target's markers, and of the lasers' spots on it.
+
+    Column ``laser`` names the sheet that a view of stage plane lies in, or that a spot belongs
+    to. It may be empty or absent where there is one laser; in other rows it says nothing. Columns
+    ``x,y,z`` belong to points on a board: they must be numbers, and are not used here.
 
     Parameters
     ----------
     path : str or Path
     target : CollinearTarget
         Says how many markers a view may have.
+    lasers : sequence of str
+        Names of the rig's lasers.
 
     Returns
     -------
     Observations
-        Views in the order of their first rows; NaN for a marker without a row.
+        Views in the order of their first rows; NaN for a marker or spot without a row. Views of
+        stage crossing have the spots behind the markers, in the order of `lasers`.
 
     Raises
     ------
     InputError
         For anything that is wrong with the table, naming file and line: columns, numbers,
-        stages, a marker that the target does not have, a point given twice.
+        stages, a marker or laser that the rig does not have, a point given twice, a view in two
+        sheets, a view of stage crossing without a spot.
     FileError
         If the file cannot be read as text.
     """
-    stages: dict[str, _Points] = {stage: {} for stage in STAGES}
+    markers = len(target.markers_mm)
+    stages: dict[str, _Views] = {stage: {} for stage in STAGES}
     for row in read_table(path, COLUMNS, OPTIONAL_COLUMNS):
-        stage, marker = _stage(row), _marker(row, len(target.markers_mm))
-        view = row.text("view")
-        points = stages[stage].setdefault(view, {})
-        if marker in points:
+        stage = _stage(row)
+        _add(row, stage, stages[stage], markers, lasers)
+    for name, view in stages["crossing"].items():
+        if max(view.points) < markers:
             raise InputError(
-                f"{row.place}: marker {marker} of view {shown(view)} in stage {stage} "
-                "is given twice",
-                "give every point once, and every view of a stage a name of its own",
+                f"{view.place}: view {shown(name)} of stage crossing has no spot",
+                f"add a row with marker {SPOT}, or remove the view",
             )
-        points[marker] = (row.number("u"), row.number("v"), row.optional_positive("std"))
-        for column in ("x", "y", "z"):
-            row.optional_number(column)
-    count = len(target.markers_mm)
     return Observations(
-        camera=_views(stages["camera"], count), plane=_views(stages["plane"], count)
+        camera=_target_views(stages["camera"], markers),
+        plane=_target_views(stages["plane"], markers),
+        crossing=_target_views(stages["crossing"], markers + len(lasers)),
     )
 
 
-def write_points(path: str | Path, observations: Observations) -> None:
+def write_points(
+    path: str | Path, observations: Observations, lasers: Sequence[str] = Rig.lasers
+) -> None:
     """Write ``points.csv``, whole or not at all; numbers come back exactly.
+
+    Parameters
+    ----------
+    path : str or Path
+    observations : Observations
+    lasers : sequence of str
+        Names of the rig's lasers, in the order in which the observations number them.
 
     Raises
     ------
     InputError
-        If no point was seen, or a view has no name.
+        If no point was seen, a view has no name, a view of stage crossing no spot, or the
+        observations do not go with so many lasers.
     FileError
         If the file cannot be written.
     """
+    stages = observations.stages()
     with_std = any(
         views.std is not None and np.isfinite(views.std[views.seen]).any()
-        for views in observations.stages().values()
+        for views in stages.values()
     )
-    rows = [
-        row
-        for stage, views in observations.stages().items()
-        for row in _rows(stage, views, with_std)
-    ]
+    columns = [*COLUMNS, *(["std"] if with_std else []), *(["laser"] if len(lasers) > 1 else [])]
+    rows = [row for stage, views in stages.items() for row in _rows(stage, views, lasers)]
     if not rows:
         raise InputError(
             f"there is no point to write to {file_name(path)}", "detect markers in a picture first"
         )
-    write_whole(path, table_text(COLUMNS + (("std",) if with_std else ()), rows))
+    write_whole(path, table_text(columns, ([row[column] for column in columns] for row in rows)))
 
 
 def _stage(row: Row) -> str:
@@ -104,17 +135,64 @@ def _stage(row: Row) -> str:
             f"remove the rows of stage {stage}",
         )
     if stage not in STAGES:
-        raise InputError(f"{row.place}: unknown stage {shown(stage)}", f"use {' or '.join(STAGES)}")
+        raise InputError(
+            f"{row.place}: unknown stage {shown(stage)}",
+            f"use {', '.join(STAGES[:-1])} or {STAGES[-1]}",
+        )
     return stage
+
+
+def _add(row: Row, stage: str, views: _Views, markers: int, lasers: Sequence[str]) -> None:
+    """Put a row's point into its view."""
+    spot = row.cells["marker"].strip() == SPOT
+    if spot and stage != "crossing":
+        raise InputError(
+            f"{row.place}: a point of marker {SPOT} stands in stage {stage}",
+            "correct the stage to crossing, or remove the row",
+        )
+    laser = _laser(row, lasers, needed=spot or stage == "plane")
+    column = markers + laser if spot else _marker(row, markers)
+    name = row.text("view")
+    view = views.setdefault(name, _View(row.place, laser if stage == "plane" else 0))
+    if stage == "plane" and laser != view.laser:
+        raise InputError(
+            f"{row.place}: view {shown(name)} of stage plane is of laser {shown(lasers[laser])}, "
+            f"and before of laser {shown(lasers[view.laser])}",
+            "a target lies in one sheet: give the views of each laser names of their own",
+        )
+    if column in view.points:
+        point = f"the spot of laser {shown(lasers[laser])}" if spot else f"marker {column}"
+        raise InputError(
+            f"{row.place}: {point} of view {shown(name)} in stage {stage} is given twice",
+            "give every point once, and every view of a stage a name of its own",
+        )
+    view.points[column] = (row.number("u"), row.number("v"), row.optional_positive("std"))
+    for coordinate in ("x", "y", "z"):
+        row.optional_number(coordinate)
+
+
+def _laser(row: Row, lasers: Sequence[str], needed: bool) -> int:
+    """Number of the laser that a row names; the first where it names none and need not."""
+    cell = row.cells.get("laser", "")
+    name = cell if cell in lasers else cell.strip()
+    if name in lasers:
+        return lasers.index(name)
+    known = " or ".join(shown(laser) for laser in lasers)
+    if name:
+        raise InputError(
+            f"{row.place}: unknown laser {shown(name)}",
+            f"use {known}, or name it in a [[laser]] of rig.toml",
+        )
+    if needed and len(lasers) > 1:
+        raise InputError(
+            f"{row.place}: the rig has {len(lasers)} lasers, and the row names none",
+            f"write {known} into column 'laser'",
+        )
+    return 0
 
 
 def _marker(row: Row, count: int) -> int:
     marker = row.whole("marker")
-    if row.cells["marker"].strip() == "laser":
-        raise InputError(
-            f"{row.place}: points on the laser line are not adjusted by this version",
-            "remove the rows of marker laser",
-        )
     if marker is None or marker >= count:
         raise InputError(
             f"{row.place}: marker is {shown(row.cells['marker'])}, "
@@ -124,26 +202,68 @@ def _marker(row: Row, count: int) -> int:
     return marker
 
 
-def _views(points: _Points, count: int) -> TargetViews:
-    uv = np.full((len(points), count, 2), np.nan)
-    std = np.full((len(points), count), np.nan)
-    for index, markers in enumerate(points.values()):
-        for marker, (u, v, spread) in markers.items():
-            uv[index, marker] = u, v
-            std[index, marker] = np.nan if spread is None else spread
-    return TargetViews(tuple(points), uv, std if np.isfinite(std).any() else None)
+def _target_views(views: _Views, columns: int) -> TargetViews:
+    uv = np.full((len(views), columns, 2), np.nan)
+    std = np.full((len(views), columns), np.nan)
+    for index, view in enumerate(views.values()):
+        for column, (u, v, spread) in view.points.items():
+            uv[index, column] = u, v
+            std[index, column] = np.nan if spread is None else spread
+    return TargetViews(
+        tuple(views),
+        uv,
+        std if np.isfinite(std).any() else None,
+        np.array([view.laser for view in views.values()], dtype=int),
+    )
 
 
-def _rows(stage: str, views: TargetViews, with_std: bool) -> list[list[str | int | float]]:
-    rows: list[list[str | int | float]] = []
-    for view, marker in np.argwhere(views.seen):
-        name = views.names[view]
+def _rows(
+    stage: str, views: TargetViews, lasers: Sequence[str]
+) -> list[dict[str, str | int | float]]:
+    """A row by column name for every point that was seen."""
+    _check_writable(stage, views, lasers)
+    markers = views.uv.shape[1] - (len(lasers) if stage == "crossing" else 0)
+    std = np.full(views.seen.shape, np.nan) if views.std is None else views.std
+    rows: list[dict[str, str | int | float]] = []
+    for view, column in np.argwhere(views.seen):
+        spot, spread = column >= markers, float(std[view, column])
+        sheet = int(column - markers if spot else views.lasers[view])
+        rows.append(
+            {
+                "view": views.names[view],
+                "stage": stage,
+                "marker": SPOT if spot else int(column),
+                "u": float(views.uv[view, column, 0]),
+                "v": float(views.uv[view, column, 1]),
+                "std": spread if np.isfinite(spread) else "",
+                "laser": lasers[sheet] if spot or stage == "plane" else "",
+            }
+        )
+    return rows
+
+
+def _check_writable(stage: str, views: TargetViews, lasers: Sequence[str]) -> None:
+    """Refuse what could not be read again."""
+    for name in views.names:
         if not name or "\0" in name:
             raise InputError(f"a view of stage {stage} is called {shown(name)}", "give it a name")
-        u, v = views.uv[view, marker]
-        row: list[str | int | float] = [name, stage, int(marker), float(u), float(v)]
-        if with_std:
-            spread = np.nan if views.std is None else float(views.std[view, marker])
-            row.append(spread if np.isfinite(spread) else "")
-        rows.append(row)
-    return rows
+    if stage == "plane" and (views.lasers >= len(lasers)).any():
+        raise InputError(
+            f"a view of stage plane lies in sheet {views.lasers.max()}, counted from 0, and there "
+            f"are {len(lasers)} lasers",
+            "name every laser of the rig",
+        )
+    if stage != "crossing":
+        return
+    spots = views.seen[:, -len(lasers) :]
+    if views.uv.shape[1] < _FEWEST_MARKERS + len(lasers):
+        raise InputError(
+            f"views of stage crossing have {views.uv.shape[1]} points",
+            f"give {_FEWEST_MARKERS} markers or more, then a spot for each of {len(lasers)} lasers",
+        )
+    lost = views.seen.any(axis=1) & ~spots.any(axis=1)
+    if lost.any():
+        raise InputError(
+            f"view {shown(views.names[int(np.argmax(lost))])} of stage crossing has no spot",
+            "find the laser's spot on the target, or leave the view out",
+        )

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import json
 import tomllib
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any, Literal
@@ -11,7 +13,7 @@ from pydantic import Field
 
 from sheetoflight.errors import FileError, InputError
 from sheetoflight.io.atomic import write_whole
-from sheetoflight.io.quoting import file_name, one_line
+from sheetoflight.io.quoting import file_name, one_line, shown
 from sheetoflight.io.reading import naming, read_text
 from sheetoflight.io.schema import StrictModel, validated
 from sheetoflight.model.observations import Observations
@@ -19,8 +21,11 @@ from sheetoflight.model.rig import Rig
 from sheetoflight.model.target import CollinearTarget, MarkerKind
 
 _LIMIT_BYTES = 1024 * 1024
+_LONGEST_NAME = 60
+_TEMPERATURE = ("expansion_per_K", "warmer_by_K", "warmer_by_std_K", "expansion_std_per_K")
 
 _Positive = Annotated[float, Field(gt=0)]
+_NotNegative = Annotated[float, Field(ge=0)]
 _Pixels = Annotated[int, Field(ge=1, le=1_000_000)]
 _Count = Annotated[int, Field(ge=2, le=1000)]
 
@@ -31,6 +36,10 @@ class _Target(StrictModel):
     tolerance_mm: float = CollinearTarget.tolerance_mm
     marker: MarkerKind = CollinearTarget.marker
     marker_size_mm: float = CollinearTarget.marker_size_mm
+    expansion_per_K: float = CollinearTarget.expansion_per_K
+    warmer_by_K: float = CollinearTarget.warmer_by_K
+    warmer_by_std_K: float = CollinearTarget.warmer_by_std_K
+    expansion_std_per_K: float = CollinearTarget.expansion_std_per_K
 
 
 class _Board(StrictModel):
@@ -46,14 +55,22 @@ class _Camera(StrictModel):
     skew: bool = Rig.skew
 
 
+class _Laser(StrictModel):
+    name: str
+
+
 class _Noise(StrictModel):
     pixel_std: _Positive | None = None
+    placement_std_mm: _NotNegative | None = None
 
 
 class _RigDocument(StrictModel):
     target: _Target
     board: _Board | None = None
     camera: _Camera = _Camera()
+    laser: Annotated[list[_Laser], Field(min_length=1)] = Field(
+        default_factory=lambda: [_Laser(name=name) for name in Rig.lasers]
+    )
     noise: _Noise = _Noise()
 
 
@@ -70,6 +87,11 @@ class RigFile:
     skew : bool
     pixel_std : float or None
         Standard uncertainty of an image coordinate in px; None where it is to be estimated.
+    placement_std : float or None
+        How far the ends of a target laid into the sheet lie off it, as a standard deviation in
+        mm; None where it is to be estimated.
+    lasers : tuple of str
+        Names of the sheets of light.
     path : str
         The file it was read from.
     """
@@ -79,6 +101,8 @@ class RigFile:
     distortion: str
     skew: bool
     pixel_std: float | None
+    placement_std: float | None
+    lasers: tuple[str, ...]
     path: str
 
     def rig(
@@ -117,6 +141,8 @@ class RigFile:
             distortion=self.distortion,
             skew=self.skew,
             pixel_std=self.pixel_std,
+            placement_std=self.placement_std,
+            lasers=self.lasers,
             observations=observations or Observations(),
             source=self.path,
         )
@@ -130,28 +156,35 @@ def read_rig_toml(path: str | Path) -> RigFile:
     Raises
     ------
     InputError
-        For an unknown or missing key, a wrong type or value; file and key are named.
+        For an unknown or missing key, a wrong type or value, a thermal expansion without the
+        uncertainty of the temperature; file and key are named.
     FileError
         If the file cannot be read, or is not TOML; the line is named.
     """
     document = _parsed(path)
     with naming(path):
         content = validated(_RigDocument, document)
-        target, camera = content.target, content.camera
+        camera, noise = content.camera, content.noise
         return RigFile(
-            target=CollinearTarget(
-                tuple(target.markers_mm), target.tolerance_mm, target.marker, target.marker_size_mm
-            ),
+            target=_target(content.target),
             image_size=(camera.image_size[0], camera.image_size[1]) if camera.image_size else None,
             distortion=camera.distortion,
             skew=camera.skew,
-            pixel_std=content.noise.pixel_std,
+            pixel_std=noise.pixel_std,
+            placement_std=noise.placement_std_mm,
+            lasers=_laser_names([laser.name for laser in content.laser]),
             path=str(path),
         )
 
 
 def rig_toml_text(rig: Rig) -> str:
-    """A rig as the text of ``rig.toml``, without its observations; numbers come back exactly."""
+    """A rig as the text of ``rig.toml``, without its observations; numbers come back exactly.
+
+    Raises
+    ------
+    InputError
+        If a laser's name is none that a rig file may hold.
+    """
     target = rig.target
     lines = [
         "[target]",
@@ -160,14 +193,20 @@ def rig_toml_text(rig: Rig) -> str:
         f"tolerance_mm = {float(target.tolerance_mm)!r}",
         f'marker = "{target.marker}"',
         f"marker_size_mm = {float(target.marker_size_mm)!r}",
+        *_temperature_lines(target),
         "",
         "[camera]",
         f"image_size = {[int(n) for n in rig.image_size]}",
         f'distortion = "{rig.distortion}"',
         f"skew = {'true' if rig.skew else 'false'}",
     ]
-    if rig.pixel_std is not None:
-        lines += ["", "[noise]", f"pixel_std = {float(rig.pixel_std)!r}"]
+    if rig.lasers != Rig.lasers:
+        for name in _laser_names(rig.lasers):
+            lines += ["", "[[laser]]", f"name = {json.dumps(name, ensure_ascii=False)}"]
+    noise = {"pixel_std": rig.pixel_std, "placement_std_mm": rig.placement_std}
+    stated = [f"{key} = {float(std)!r}" for key, std in noise.items() if std is not None]
+    if stated:
+        lines += ["", "[noise]", *stated]
     return "\n".join(lines) + "\n"
 
 
@@ -176,10 +215,51 @@ def write_rig_toml(path: str | Path, rig: Rig) -> None:
 
     Raises
     ------
+    InputError
+        As `rig_toml_text`.
     FileError
         If the file cannot be written.
     """
-    write_whole(path, rig_toml_text(rig))
+    with naming(path):
+        text = rig_toml_text(rig)
+    write_whole(path, text)
+
+
+def _target(part: _Target) -> CollinearTarget:
+    given = part.model_fields_set.intersection(_TEMPERATURE)
+    if given and "expansion_per_K" not in given:
+        raise InputError(
+            f"target: {min(given)} is given without expansion_per_K",
+            "add it, a relative change of length per kelvin: 11.5e-6 for steel",
+        )
+    if given and "warmer_by_std_K" not in given:
+        raise InputError(
+            "target: expansion_per_K is given without warmer_by_std_K",
+            "say how well warmer_by_K, the target's temperature in the pictures less that at "
+            "which it was measured, is known, as a standard uncertainty in kelvin",
+        )
+    return CollinearTarget(**part.model_dump(exclude={"kind"}))
+
+
+def _temperature_lines(target: CollinearTarget) -> list[str]:
+    values = {name: float(getattr(target, name)) for name in _TEMPERATURE}
+    return [f"{name} = {value!r}" for name, value in values.items()] if any(values.values()) else []
+
+
+def _laser_names(names: Sequence[str]) -> tuple[str, ...]:
+    """The names, checked to be fit for a folder and for the parameters of a covariance."""
+    for index, name in enumerate(names):
+        text = name.isprintable() and name == name.strip() and 0 < len(name) <= _LONGEST_NAME
+        if not text or "/" in name or name.startswith(".") or name == "camera":
+            raise InputError(
+                f"laser[{index}].name is {shown(name)}, expected a word of up to {_LONGEST_NAME} "
+                "letters that names a folder, other than camera",
+                "choose a plain name, such as left",
+            )
+    if len(set(names)) < len(names):
+        twice = next(name for name in names if names.count(name) > 1)
+        raise InputError(f"two lasers are called {shown(twice)}", "give each a name of its own")
+    return tuple(names)
 
 
 def _parsed(path: str | Path) -> dict[str, Any]:

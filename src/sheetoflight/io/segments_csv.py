@@ -16,7 +16,7 @@ from sheetoflight.io.csv_table import Row, read_table, table_text
 from sheetoflight.io.quoting import shown
 
 SEGMENT_COLUMNS = ("segment", "u1", "v1", "u2", "v2")
-OPTIONAL_SEGMENT_COLUMNS = ("std", "known_mm")
+OPTIONAL_SEGMENT_COLUMNS = ("std", "laser", "known_mm", "known_std_mm")
 LENGTH_COLUMNS = ("segment", "length_mm", "std_mm", "low_mm", "high_mm")
 
 LengthRow = tuple[str, float, float, tuple[float, float]]
@@ -37,12 +37,20 @@ class Segments:
         Standard uncertainty of each image coordinate in px; NaN or absent where unknown.
     known_mm : (N,) array, optional
         Known length of each in mm; NaN or absent where unknown.
+    known_std_mm : (N,) array, optional
+        Standard uncertainty of each known length in mm, 0 where it is exact; NaN or absent where
+        unknown.
+    laser : tuple of str or None, optional
+        Name of the sheet of light that each lies on, None for a segment without; absent where
+        no segment names one.
     """
 
     names: tuple[str, ...]
     uv: Array
     std: Array | None = None
     known_mm: Array | None = None
+    known_std_mm: Array | None = None
+    laser: tuple[str | None, ...] | None = None
 
     def __len__(self) -> int:
         return len(self.names)
@@ -55,7 +63,8 @@ def read_segments(path: str | Path) -> Segments:
     ------
     InputError
         For anything that is wrong with the table, naming file and line: columns, numbers, a
-        segment given twice, a segment whose ends are one point.
+        segment given twice, a segment whose ends are one point, an uncertainty of a known length
+        without the length.
     FileError
         If the file cannot be read as text.
     """
@@ -69,8 +78,14 @@ def read_segments(path: str | Path) -> Segments:
                 "give every segment a name of its own",
             )
         ends[name] = _ends(row, name)
+        _check_known(row, name)
     return Segments(
-        tuple(ends), np.array(list(ends.values())), _column(rows, "std"), _column(rows, "known_mm")
+        tuple(ends),
+        np.array(list(ends.values())),
+        std=_numbers(row.optional_positive("std") for row in rows),
+        known_mm=_numbers(row.optional_positive("known_mm") for row in rows),
+        known_std_mm=_numbers(row.optional_not_negative("known_std_mm") for row in rows),
+        laser=_lasers(rows),
     )
 
 
@@ -115,9 +130,26 @@ def _ends(row: Row, name: str) -> list[list[float]]:
     return [[u1, v1], [u2, v2]]
 
 
-def _column(rows: list[Row], column: str) -> Array | None:
-    """A column of positive numbers, NaN where empty; None where no row has one."""
-    values = [row.optional_positive(column) for row in rows]
+def _check_known(row: Row, name: str) -> None:
+    """An uncertainty belongs to a length."""
+    if row.optional_not_negative("known_std_mm") is None:
+        return
+    if row.optional_positive("known_mm") is None:
+        raise InputError(
+            f"{row.place}: known_std_mm of segment {shown(name)} is given without known_mm",
+            "give the known length too, or remove its uncertainty",
+        )
+
+
+def _lasers(rows: list[Row]) -> tuple[str | None, ...] | None:
+    """The names of column ``laser``, None where empty; None where no row has one."""
+    names = tuple(row.cells.get("laser", "").strip() or None for row in rows)
+    return names if any(names) else None
+
+
+def _numbers(column: Iterable[float | None]) -> Array | None:
+    """A column's numbers, NaN where empty; None where no row has one."""
+    values = list(column)
     if all(value is None for value in values):
         return None
     return np.array([math.nan if value is None else value for value in values])

@@ -6,6 +6,7 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.special import ndtri, stdtrit
 
 from sheetoflight.errors import InputError
 from sheetoflight.geometry.directions import Array
@@ -17,8 +18,18 @@ from sheetoflight.measurement.triangulation import (
 )
 from sheetoflight.model.calibration import Calibration
 
-NORMAL_95 = 1.959963984540054
-"""Half width of the 95 % interval of a normal distribution, in standard deviations."""
+IMAGE_POINTS = "image points"
+"""What the noise of the measured points themselves is called in a budget."""
+
+_TAIL = 0.025
+"""Part of the distribution beyond either end of a 95 % interval."""
+
+
+def coverage_factor(degrees_of_freedom: float) -> float:
+    """Half width of a 95 % interval in standard uncertainties: Student's quantile (GUM, G.3)."""
+    if math.isinf(degrees_of_freedom):
+        return float(-ndtri(_TAIL))
+    return float(-stdtrit(degrees_of_freedom, _TAIL))
 
 
 @dataclass(frozen=True)
@@ -31,21 +42,33 @@ class Length:
         The length and its standard uncertainty.
     budget : tuple of (str, float)
         What `std` is made of: standard uncertainties by source, adding in squares.
+    degrees_of_freedom : float
+        Effective ones of `std`; infinite where the noise was stated, not estimated.
     """
 
     value: float
     std: float
     budget: tuple[tuple[str, float], ...] = ()
+    degrees_of_freedom: float = math.inf
+
+    @property
+    def calibration_std(self) -> float:
+        """What is left of `std` where the image points are free of noise."""
+        return math.sqrt(sum(part**2 for name, part in self.budget if name != IMAGE_POINTS))
 
     @property
     def interval(self) -> tuple[float, float]:
         """Low and high end of the 95 % interval, mm."""
-        reach = NORMAL_95 * self.std
+        reach = coverage_factor(self.degrees_of_freedom) * self.std
         return self.value - reach, self.value + reach
 
 
 def length(
-    calibration: Calibration, uv_1: Array, uv_2: Array, std_px: float | None = None
+    calibration: Calibration,
+    uv_1: Array,
+    uv_2: Array,
+    std_px: float | None = None,
+    laser: str | None = None,
 ) -> Length:
     """Distance between two image points on the laser line.
 
@@ -56,6 +79,8 @@ def length(
         Image points in px.
     std_px : float, optional
         Standard uncertainty of each image coordinate; the calibration's own where absent.
+    laser : str, optional
+        In whose sheet the points lie; may be left out where there is one laser.
 
     Raises
     ------
@@ -71,7 +96,8 @@ def length(
         )
     if std_px is not None and not (np.isfinite(std_px) and std_px >= 0):
         raise InputError(f"std_px is {std_px}", "give a standard uncertainty in px")
-    return lengths(calibration, ends[None], None if std_px is None else np.array([std_px]))[0]
+    std = None if std_px is None else np.array([std_px])
+    return lengths(calibration, ends[None], std, laser=laser)[0]
 
 
 def lengths(
@@ -79,8 +105,9 @@ def lengths(
     ends: Array,
     std_px: Array | None = None,
     names: tuple[str, ...] | None = None,
+    laser: str | None = None,
 ) -> list[Length]:
-    """Lengths of many segments.
+    """Lengths of many segments in one sheet.
 
     Parameters
     ----------
@@ -91,6 +118,8 @@ def lengths(
         Standard uncertainty of the ends' image coordinates, px.
     names : tuple of str, optional
         What to call the segments in errors.
+    laser : str, optional
+        In whose sheet they lie; may be left out where there is one laser.
 
     Raises
     ------
@@ -100,12 +129,43 @@ def lengths(
     if not len(ends):
         return []
     names = names or tuple(str(index + 1) for index in range(len(ends)))
-    points = triangulate_with_jacobians(calibration, ends.reshape(-1, 2))
-    _refuse_points_off_the_sheet(calibration, ends, points, names)
+    change = _changes(calibration, ends, names, laser)
     noise = np.full((len(ends), 2), calibration.pixel_std)
     if std_px is not None:
         noise[:] = np.broadcast_to(np.reshape(std_px, (len(ends), -1)), noise.shape)
+    shares = _shares(calibration, change, noise, stated=std_px is not None)
+    return [
+        _length(calibration, float(value), [(name, c, float(v[i])) for name, c, v in shares])
+        for i, value in enumerate(change.values)
+    ]
 
+
+@dataclass(frozen=True)
+class LengthChanges:
+    """N lengths in mm and their derivatives.
+
+    Parameters
+    ----------
+    values : (N,) array
+        mm.
+    by_pixel : (N, 2, 2) array
+        By u and v of both ends, mm per px.
+    by_parameter : (N, 14) array
+        By `names`, mm per unit.
+    names : tuple of str
+    """
+
+    values: Array
+    by_pixel: Array
+    by_parameter: Array
+    names: tuple[str, ...]
+
+
+def _changes(
+    calibration: Calibration, ends: Array, names: tuple[str, ...], laser: str | None
+) -> LengthChanges:
+    points = triangulate_with_jacobians(calibration, ends.reshape(-1, 2), laser)
+    _refuse_points_off_the_sheet(calibration, ends, points, names)
     xyz = points.xyz.reshape(-1, 2, 3)
     difference = xyz[:, 1] - xyz[:, 0]
     values = np.linalg.norm(difference, axis=1)
@@ -115,27 +175,43 @@ def lengths(
             "give two different points on the laser line",
         )
     direction = difference / values[:, None]
-    change = np.stack([-direction, direction], axis=1)[:, :, None, :]
-    by_pixel = (change @ points.by_pixel.reshape(-1, 2, 3, 2))[:, :, 0]
-    by_parameter = (change @ points.by_parameter.reshape(-1, 2, 3, 14))[:, :, 0].sum(axis=1)
+    along = np.stack([-direction, direction], axis=1)[:, :, None, :]
+    return LengthChanges(
+        values,
+        (along @ points.by_pixel.reshape(-1, 2, 3, 2))[:, :, 0],
+        (along @ points.by_parameter.reshape(-1, 2, 3, 14))[:, :, 0].sum(axis=1),
+        parameter_names(calibration.sheet(laser)),
+    )
 
-    covariance = calibration.covariance.block(parameter_names(calibration.light_plane))
-    scale_std = calibration.target.relative_tolerance if calibration.target else 0.0
-    sources = {
-        "calibration": np.sqrt(
-            np.maximum(np.einsum("ni,ij,nj->n", by_parameter, covariance, by_parameter), 0.0)
-        ),
-        "image points": np.sqrt(np.sum((by_pixel * noise[..., None]) ** 2, axis=(1, 2))),
-        "target length": values * scale_std,
-    }
-    return [
-        Length(
-            float(value),
-            math.sqrt(sum(float(part[index]) ** 2 for part in sources.values())),
-            tuple((source, float(part[index])) for source, part in sources.items()),
-        )
-        for index, value in enumerate(values)
-    ]
+
+def _shares(
+    calibration: Calibration, change: LengthChanges, noise: Array, stated: bool
+) -> list[tuple[str, str | None, Array]]:
+    """Variances by source: its name, the noise component it goes with, and ``(N,)`` mm²."""
+    covariance = calibration.covariance
+    shares: list[tuple[str, str | None, Array]] = []
+    for source in covariance.parts():
+        block = covariance.block(change.names, source.matrix)
+        part = np.einsum("ni,ij,nj->n", change.by_parameter, block, change.by_parameter)
+        shares.append((source.name, source.component, np.maximum(part, 0.0)))
+    own = None if stated else "pixel"
+    image = np.sum((change.by_pixel * noise[..., None]) ** 2, axis=(1, 2))
+    return [*shares, (IMAGE_POINTS, own, image)]
+
+
+def _length(
+    calibration: Calibration, value: float, shares: list[tuple[str, str | None, float]]
+) -> Length:
+    total = sum(part for _, _, part in shares)
+    by_source: dict[str, float] = {}
+    by_component: dict[str, float] = {}
+    for name, component, part in shares:
+        by_source[name] = by_source.get(name, 0.0) + part
+        if component:
+            by_component[component] = by_component.get(component, 0.0) + part
+    freedom = calibration.covariance.components.degrees_of_freedom(total, by_component)
+    budget = tuple((name, math.sqrt(part)) for name, part in by_source.items())
+    return Length(value, math.sqrt(total), budget, freedom)
 
 
 def _refuse_points_off_the_sheet(

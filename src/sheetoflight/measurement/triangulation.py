@@ -38,7 +38,7 @@ def parameter_names(plane: LightPlane) -> tuple[str, ...]:
     return (*camera, *(f"{plane.name}.{name}" for name in ("nx", "ny", "nz", "d")))
 
 
-def triangulate(calibration: Calibration, uv: Array) -> Array:
+def triangulate(calibration: Calibration, uv: Array, laser: str | None = None) -> Array:
     """Image points on the laser line to points in space: ``X = d r / (n · r)``.
 
     Parameters
@@ -46,6 +46,8 @@ def triangulate(calibration: Calibration, uv: Array) -> Array:
     calibration : Calibration
     uv : (N, 2) or (2,) array
         Image points in px.
+    laser : str, optional
+        In whose sheet they lie; may be left out where there is one laser.
 
     Returns
     -------
@@ -55,9 +57,9 @@ def triangulate(calibration: Calibration, uv: Array) -> Array:
     Raises
     ------
     InputError
-        If `uv` does not hold pairs of numbers.
+        If `uv` does not hold pairs of numbers, or the laser is not known.
     """
-    return calibration.light_plane.intersect(calibration.camera.unproject(checked_pixels(uv)))
+    return calibration.sheet(laser).intersect(calibration.camera.unproject(checked_pixels(uv)))
 
 
 def checked_pixels(uv: Array) -> Array:
@@ -73,13 +75,15 @@ def checked_pixels(uv: Array) -> Array:
     return pixels
 
 
-def triangulate_with_jacobians(calibration: Calibration, uv: Array) -> TriangulatedPoints:
+def triangulate_with_jacobians(
+    calibration: Calibration, uv: Array, laser: str | None = None
+) -> TriangulatedPoints:
     """`triangulate` for ``(N, 2)`` image points, with derivatives.
 
     From ``t = d / (n · r)`` and ``X = t r``: ``dX = (I − r nᵀ/(n · r)) t dr − r t (r · dn)/(n · r)
     + r dd/(n · r)``.
     """
-    plane = calibration.light_plane
+    plane = calibration.sheet(laser)
     rays, ray_by_pixel, ray_by_camera = calibration.camera.unproject_with_jacobians(
         checked_pixels(uv)
     )

@@ -12,55 +12,12 @@ import numpy as np
 from sheetoflight.errors import InputError
 from sheetoflight.geometry.directions import Array
 from sheetoflight.model.camera import Camera
+from sheetoflight.model.covariance import Covariance
 from sheetoflight.model.light_plane import LightPlane
 from sheetoflight.model.target import CollinearTarget
 
 if TYPE_CHECKING:
     from sheetoflight.measurement.length import Length
-
-
-@dataclass(frozen=True, eq=False)
-class Covariance:
-    """Covariance of named parameters.
-
-    Parameters
-    ----------
-    parameters : tuple of str
-        ``camera.alpha`` …, ``laser.nx``, ``laser.ny``, ``laser.nz``, ``laser.d`` (with the
-        light plane's name in place of ``laser``); px, mm.
-    matrix : (P, P) array
-    """
-
-    parameters: tuple[str, ...]
-    matrix: Array
-
-    def __post_init__(self) -> None:
-        matrix = np.array(self.matrix, dtype=float)
-        size = len(self.parameters)
-        if matrix.shape != (size, size) or not np.isfinite(matrix).all():
-            raise InputError(
-                f"the covariance of {size} parameters has shape {matrix.shape} or is not finite",
-                "give one finite row and column for each parameter",
-            )
-        matrix.setflags(write=False)
-        object.__setattr__(self, "matrix", matrix)
-
-    def std(self, parameter: str) -> float:
-        """Standard uncertainty of one parameter; 0 where it was held fixed."""
-        if parameter not in self.parameters:
-            return 0.0
-        index = self.parameters.index(parameter)
-        return float(np.sqrt(max(self.matrix[index, index], 0.0)))
-
-    def block(self, parameters: tuple[str, ...]) -> Array:
-        """Covariance of the given parameters; zero rows for those that were held fixed."""
-        places = [(row, self.parameters.index(name)) for row, name in enumerate(parameters)
-                  if name in self.parameters]  # fmt: skip
-        block = np.zeros((len(parameters), len(parameters)))
-        if places:
-            here, there = np.array(places).T
-            block[np.ix_(here, here)] = self.matrix[np.ix_(there, there)]
-        return block
 
 
 @dataclass(frozen=True, eq=False)
@@ -144,26 +101,52 @@ class Calibration:
         """The first, and most often the only, sheet of light."""
         return self.light_planes[0]
 
+    def sheet(self, laser: str | None = None) -> LightPlane:
+        """The sheet of light of a laser.
+
+        Parameters
+        ----------
+        laser : str, optional
+            Its name; may be left out where there is one.
+
+        Raises
+        ------
+        InputError
+            If there is no laser of that name, or several and none is named.
+        """
+        names = [plane.name for plane in self.light_planes]
+        if laser is None and len(names) > 1:
+            raise InputError(
+                f"the calibration has the lasers {', '.join(names)}", "say which one is meant"
+            )
+        if laser is not None and laser not in names:
+            raise InputError(
+                f"the calibration has no laser '{laser}'", f"choose {' | '.join(names)}"
+            )
+        return self.light_planes[0 if laser is None else names.index(laser)]
+
     # The three methods below are the public face of higher floors; the import contract
     # names these imports one by one (docs/decisions/0002-methods-on-calibration.md).
 
-    def triangulate(self, uv: Array) -> Array:
+    def triangulate(self, uv: Array, laser: str | None = None) -> Array:
         """Image points ``(N, 2)`` px on the laser line to points ``(N, 3)`` mm, camera frame.
 
         See `sheetoflight.measurement.triangulation.triangulate`.
         """
         from sheetoflight.measurement.triangulation import triangulate
 
-        return triangulate(self, uv)
+        return triangulate(self, uv, laser)
 
-    def length(self, uv_1: Array, uv_2: Array, std_px: float | None = None) -> Length:
+    def length(
+        self, uv_1: Array, uv_2: Array, std_px: float | None = None, laser: str | None = None
+    ) -> Length:
         """Distance between two image points on the laser line, with its uncertainty.
 
         See `sheetoflight.measurement.length.length`.
         """
         from sheetoflight.measurement.length import length
 
-        return length(self, uv_1, uv_2, std_px)
+        return length(self, uv_1, uv_2, std_px, laser)
 
     def save(self, path: str | Path) -> None:
         """Write ``calibration.json``, whole or not at all."""

@@ -19,9 +19,13 @@ class TargetViews:
     names : tuple of str
         A name for each of the N views, unique in its stage.
     uv : (N, M, 2) array
-        Image point of each of the M markers in px; NaN where a marker was not seen.
+        Image point of each of the M markers in px; NaN where a marker was not seen. In stage
+        crossing the spots follow, one column for each laser: ``(N, M + lasers, 2)``.
     std : (N, M) array, optional
         Standard uncertainty of each image coordinate in px; NaN or absent where unknown.
+    laser : (N,) int array, optional
+        In stage plane the laser in whose sheet the target lies, counted from 0; all 0 where
+        absent.
 
     Raises
     ------
@@ -32,6 +36,7 @@ class TargetViews:
     names: tuple[str, ...]
     uv: Array
     std: Array | None = None
+    laser: np.ndarray | None = None
 
     def __post_init__(self) -> None:
         uv = np.array(self.uv, dtype=float)
@@ -48,6 +53,15 @@ class TargetViews:
                 f"std has shape {np.shape(self.std)}, expected {uv.shape[:2]}",
                 "give one standard uncertainty for each marker",
             )
+        laser = np.zeros(len(uv)) if self.laser is None else np.asarray(self.laser)
+        if laser.shape != (len(uv),) or (laser < 0).any() or (laser % 1 != 0).any():
+            raise InputError(
+                f"laser is {laser.tolist()}, expected {len(uv)} whole numbers from 0",
+                "give the number of the laser for each view",
+            )
+        laser = laser.astype(int)
+        laser.setflags(write=False)
+        object.__setattr__(self, "laser", laser)
         uv[~np.isfinite(uv).all(axis=-1)] = np.nan
         uv.setflags(write=False)
         if self.std is not None:
@@ -73,7 +87,20 @@ class TargetViews:
         """The views that an index array or mask ``views`` selects."""
         index = np.arange(len(self))[views]
         std = None if self.std is None else self.std[index]
-        return TargetViews(tuple(self.names[i] for i in index), self.uv[index], std)
+        return TargetViews(
+            tuple(self.names[i] for i in index), self.uv[index], std, self.lasers[index]
+        )
+
+    def without(self, points: np.ndarray) -> TargetViews:
+        """The views with the points of a mask ``(N, M)`` taken as not seen."""
+        uv = np.where(points[..., None], np.nan, self.uv)
+        return TargetViews(self.names, uv, self.std, self.laser)
+
+    @property
+    def lasers(self) -> np.ndarray:
+        """``(N,)`` number of each view's laser."""
+        assert self.laser is not None  # set when the views are made
+        return self.laser
 
 
 def no_views(markers: int = 3) -> TargetViews:
@@ -91,12 +118,15 @@ class Observations:
         The target pivots about marker 0, laser off.
     plane : TargetViews
         All markers lie in the sheet of light.
+    crossing : TargetViews
+        The sheet crosses the target, and the laser's spot on it is seen.
     """
 
     camera: TargetViews = field(default_factory=no_views)
     plane: TargetViews = field(default_factory=no_views)
+    crossing: TargetViews = field(default_factory=no_views)
 
     def stages(self) -> dict[str, TargetViews]:
         """The stages that hold at least one view."""
-        both = {"camera": self.camera, "plane": self.plane}
-        return {stage: views for stage, views in both.items() if len(views)}
+        every = {"camera": self.camera, "plane": self.plane, "crossing": self.crossing}
+        return {stage: views for stage, views in every.items() if len(views)}

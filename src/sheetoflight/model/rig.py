@@ -26,6 +26,11 @@ class Rig:
         Whether ``gamma`` is estimated.
     pixel_std : float, optional
         Standard uncertainty of an image coordinate in px; estimated where absent.
+    placement_std : float, optional
+        How far, as a standard deviation in mm, the ends of a target laid into the sheet lie off
+        it; estimated where absent, 0 where the target is known to lie in the sheet.
+    lasers : tuple of str
+        Names of the sheets of light.
     observations : Observations
     source : str
         Where it was read from, for reports.
@@ -36,6 +41,8 @@ class Rig:
     distortion: str = "none"
     skew: bool = False
     pixel_std: float | None = None
+    placement_std: float | None = None
+    lasers: tuple[str, ...] = ("laser",)
     observations: Observations = field(default_factory=Observations)
     source: str = ""
 
@@ -49,6 +56,17 @@ class Rig:
         ):
             raise InputError(
                 f"pixel_std is {self.pixel_std} px", "give a value above zero, or leave it out"
+            )
+        if self.placement_std is not None and not (
+            math.isfinite(self.placement_std) and self.placement_std >= 0
+        ):
+            raise InputError(
+                f"placement_std is {self.placement_std} mm",
+                "give a value of 0 or more, or leave it out",
+            )
+        if not self.lasers or len(set(self.lasers)) != len(self.lasers) or "" in self.lasers:
+            raise InputError(
+                f"the lasers are called {list(self.lasers)}", "give each laser a name of its own"
             )
         if len(self.image_size) != 2 or min(self.image_size) < 1:
             raise InputError(

@@ -15,6 +15,9 @@ from sheetoflight.geometry.directions import Array
 
 MarkerKind = Literal["quadrant", "disc"]
 
+_LARGEST_EXPANSION = 0.05
+"""No solid target survives more: a coefficient in µm/(m K) was meant."""
+
 
 @dataclass(frozen=True)
 class CollinearTarget:
@@ -31,6 +34,12 @@ class CollinearTarget:
         What is printed: a disc in four black and white quarters, or a plain disc.
     marker_size_mm : float
         Diameter of a marker in mm.
+    expansion_per_K : float
+        Thermal expansion of the target, relative change of length per kelvin.
+    warmer_by_K : float
+        Temperature of the target in the pictures, less that at which its positions were measured.
+    warmer_by_std_K, expansion_std_per_K : float
+        Standard uncertainties of these two.
 
     Raises
     ------
@@ -42,6 +51,10 @@ class CollinearTarget:
     tolerance_mm: float = 0.0
     marker: MarkerKind = "quadrant"
     marker_size_mm: float = 24.0
+    expansion_per_K: float = 0.0
+    warmer_by_K: float = 0.0
+    warmer_by_std_K: float = 0.0
+    expansion_std_per_K: float = 0.0
 
     def __post_init__(self) -> None:
         positions = tuple(float(s) for s in self.markers_mm)
@@ -72,10 +85,24 @@ class CollinearTarget:
                 f"marker_size_mm is {self.marker_size_mm}", "give the diameter of a marker in mm"
             )
 
+        self._check_temperature()
+
+    def _check_temperature(self) -> None:
+        for name in ("expansion_per_K", "warmer_by_K", "warmer_by_std_K", "expansion_std_per_K"):
+            value = getattr(self, name)
+            if not math.isfinite(value) or (value < 0 and name != "warmer_by_K"):
+                raise InputError(f"{name} is {value}", "give a finite number, not below zero")
+        if abs(self.expansion_per_K * self.warmer_by_K) > _LARGEST_EXPANSION:
+            raise InputError(
+                f"the target would be {self.expansion_per_K * self.warmer_by_K:.1%} longer than "
+                "it was measured",
+                "give expansion_per_K as a relative change per kelvin, 11.5e-6 for steel",
+            )
+
     @cached_property
     def positions(self) -> Array:
-        """Marker positions ``(M,)`` in mm from marker 0."""
-        return np.array(self.markers_mm)
+        """Marker positions ``(M,)`` in mm from marker 0, at the temperature of the pictures."""
+        return np.array(self.markers_mm) * (1.0 + self.expansion_per_K * self.warmer_by_K)
 
     @property
     def length_mm(self) -> float:
@@ -83,10 +110,9 @@ class CollinearTarget:
         return self.markers_mm[-1]
 
     @property
-    def relative_tolerance(self) -> float:
-        """Standard uncertainty of the target's scale that `tolerance_mm` leaves, as a ratio.
-
-        The scale is the slope of true over stated positions, fitted to all markers.
-        """
-        spread = self.positions - self.positions.mean()
-        return self.tolerance_mm / float(np.linalg.norm(spread))
+    def thermal_std(self) -> float:
+        """Standard uncertainty of the target's scale that its temperature leaves, as a ratio."""
+        return math.hypot(
+            self.expansion_per_K * self.warmer_by_std_K,
+            self.expansion_std_per_K * self.warmer_by_K,
+        )

@@ -10,7 +10,8 @@ from typing import Any
 import numpy as np
 
 from sheetoflight.geometry.directions import Array, normalised
-from sheetoflight.model.calibration import Calibration, Covariance
+from sheetoflight.model.calibration import Calibration
+from sheetoflight.model.covariance import Covariance
 from sheetoflight.model.light_plane import LightPlane
 
 _MOST_DECIMALS = 9

@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from sheetoflight.errors import InputError
 from sheetoflight.geometry.directions import Array
 from sheetoflight.model.camera import Camera
 from sheetoflight.model.light_plane import LightPlane
@@ -19,22 +20,48 @@ class SimulatedRig:
     Parameters
     ----------
     camera : Camera
-    light_plane : LightPlane
+    light_planes : tuple of LightPlane
+        The sheets of light, one of each laser.
     target : CollinearTarget
     anchor_mm : (3,) array
         Where marker 0 is fixed while the target pivots, camera frame.
     projector_mm : (3,) array
-        Where the laser line projector stands, in the sheet of light.
+        Where the line projector of the first laser stands, in its sheet of light.
     depth_mm : (float, float)
-        Nearest and farthest Z of targets and objects in the sheet.
+        Nearest and farthest Z of targets and objects in a sheet.
+
+    Raises
+    ------
+    InputError
+        If there is no sheet of light, or two have one name.
     """
 
     camera: Camera
-    light_plane: LightPlane
+    light_planes: tuple[LightPlane, ...]
     target: CollinearTarget = field(default_factory=CollinearTarget)
     anchor_mm: Array = field(default_factory=lambda: np.array([0.0, -120.0, 1000.0]))
     projector_mm: Array = field(default_factory=lambda: np.zeros(3))
     depth_mm: tuple[float, float] = (900.0, 1300.0)
+
+    def __post_init__(self) -> None:
+        names = [plane.name for plane in self.light_planes]
+        if not names or len(set(names)) != len(names):
+            raise InputError(
+                f"the sheets of light are called {names}",
+                "give at least one, and each a name of its own",
+            )
+
+    @property
+    def light_plane(self) -> LightPlane:
+        """The first sheet of light."""
+        return self.light_planes[0]
+
+
+def field_centre(rig: SimulatedRig, laser: int = 0) -> Array:
+    """The point ``(3,)`` of a sheet in the middle of `depth_mm` that is nearest to the axis."""
+    plane, z = rig.light_planes[laser], sum(rig.depth_mm) / 2
+    across = plane.normal[:2]
+    return np.append((plane.distance_mm - plane.normal[2] * z) / (across @ across) * across, z)
 
 
 def paper_rig(
@@ -50,7 +77,7 @@ def paper_rig(
     plane = LightPlane(np.array([0.90980, 0.08722, 0.40578]), 562.334)
     return SimulatedRig(
         camera=camera,
-        light_plane=plane,
+        light_planes=(plane,),
         target=target or CollinearTarget(),
         projector_mm=_beside_camera(plane, 620.0),
     )

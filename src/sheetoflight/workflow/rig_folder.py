@@ -10,9 +10,11 @@ import numpy as np
 
 from sheetoflight.errors import FileError, InputError, UntrustworthyError
 from sheetoflight.imaging.markers import TargetSearch, find_target, order_by_fixed_end
-from sheetoflight.io.check_views import check_target_views
-from sheetoflight.io.pictures import PictureFile, list_pictures, read_picture
+from sheetoflight.io.check_views import check_views
+from sheetoflight.io.pictures import PictureFile, holds_pictures, list_pictures, read_picture
 from sheetoflight.io.points_csv import read_points, write_points
+from sheetoflight.io.quoting import file_name
+from sheetoflight.io.reading import TEXT_LIMIT_BYTES, read_bytes
 from sheetoflight.io.rig_toml import RigFile, read_rig_toml
 from sheetoflight.model.observations import Observations, TargetViews, no_views
 from sheetoflight.model.rig import Rig
@@ -20,6 +22,8 @@ from sheetoflight.model.target import CollinearTarget
 from sheetoflight.workflow.spread import ALONE, Execution, spread
 
 STAGES = ("camera", "plane")
+"""Stages in whose pictures the target is searched for."""
+
 POINTS = "points.csv"
 
 
@@ -53,7 +57,8 @@ def load_rig(folder: str | Path, run: Execution = ALONE) -> Rig:
     Raises
     ------
     FileError, InputError
-        If the folder, a file or a picture cannot be used; the message names it.
+        If the folder, a file or a picture cannot be used; the message names it. Pictures of
+        stage crossing cannot be used without ``points.csv``.
     UntrustworthyError
         If no picture of a stage shows the target.
     """
@@ -61,14 +66,16 @@ def load_rig(folder: str | Path, run: Execution = ALONE) -> Rig:
     described = _described(folder)
     if not (folder / POINTS).exists():
         return _detected(folder, described, run).rig
-    observations = read_points(folder / POINTS, described.target)
+    observations = read_points(folder / POINTS, described.target, described.lasers)
     rig = described.rig(observations, picture_size=_first_picture_size(folder, described))
-    _check(rig)
+    check_views(rig)
     return rig
 
 
 def detect(folder: str | Path, run: Execution = ALONE) -> Detection:
     """Find the target in all pictures of a rig folder and write ``points.csv``.
+
+    What ``points.csv`` held of stage crossing stays in it: no picture is searched for that.
 
     Raises
     ------
@@ -79,7 +86,7 @@ def detect(folder: str | Path, run: Execution = ALONE) -> Detection:
     """
     folder = Path(folder)
     detection = _detected(folder, _described(folder), run)
-    write_points(folder / POINTS, detection.rig.observations)
+    write_points(folder / POINTS, detection.rig.observations, detection.rig.lasers)
     return detection
 
 
@@ -91,8 +98,21 @@ def _described(folder: Path) -> RigFile:
     return read_rig_toml(folder / "rig.toml")
 
 
-def _stage_folders(folder: Path) -> dict[str, list[PictureFile]]:
-    found = {stage: list_pictures(folder / stage) for stage in STAGES if (folder / stage).is_dir()}
+@dataclass(frozen=True)
+class _Pictured:
+    """A view's name in its stage, its picture, and the number of its laser."""
+
+    view: str
+    file: PictureFile
+    laser: int = 0
+
+
+def _stage_folders(folder: Path, lasers: tuple[str, ...]) -> dict[str, list[_Pictured]]:
+    found = {
+        stage: _pictured(folder / stage, lasers if stage == "plane" else ())
+        for stage in STAGES
+        if (folder / stage).is_dir()
+    }
     if not found:
         raise InputError(
             f"{folder} holds neither {POINTS} nor a folder {' or '.join(STAGES)} with pictures",
@@ -102,34 +122,79 @@ def _stage_folders(folder: Path) -> dict[str, list[PictureFile]]:
     return found
 
 
+def _pictured(folder: Path, lasers: tuple[str, ...]) -> list[_Pictured]:
+    """The pictures of a stage; of several lasers each has a folder of its name."""
+    if len(lasers) < 2:
+        return [_Pictured(file.name, file) for file in list_pictures(folder)]
+    missing = [name for name in lasers if not (folder / name).is_dir()]
+    if missing or holds_pictures(folder):
+        found = f"no folder {missing[0]}/" if missing else "pictures that name no laser"
+        raise InputError(
+            f"{file_name(folder)} holds {found}, but the rig has {len(lasers)} lasers",
+            "put the pictures of the target in each sheet into "
+            + " and ".join(f"{folder.name}/{name}/" for name in lasers),
+        )
+    return [
+        _Pictured(f"{name}/{file.name}", file, laser)
+        for laser, name in enumerate(lasers)
+        for file in list_pictures(folder / name)
+    ]
+
+
 def _first_picture_size(folder: Path, described: RigFile) -> tuple[int, int] | None:
     """Size of some picture, where the rig file leaves it open."""
-    if described.image_size or not any((folder / stage).is_dir() for stage in STAGES):
+    if described.image_size:
         return None
-    first = next(iter(_stage_folders(folder).values()))[0]
-    return _size(read_picture(first.path))
+    sheets = [f"plane/{name}" for name in described.lasers]
+    for place in ("camera", "plane", *sheets, "crossing"):
+        if (folder / place).is_dir() and holds_pictures(folder / place):
+            return _size(read_picture(list_pictures(folder / place)[0].path))
+    return None
+
+
+def _refuse_crossing_pictures(folder: Path) -> None:
+    crossing = folder / "crossing"
+    if crossing.is_dir() and holds_pictures(crossing):
+        raise InputError(
+            f"{file_name(crossing)} holds pictures, and there is no {POINTS}; this version does "
+            "not search pictures of stage crossing for the laser's spot",
+            f"give their markers and spots in {POINTS} (stage crossing, marker laser), or move "
+            "the folder away",
+        )
+
+
+def _crossing_kept(folder: Path, described: RigFile) -> TargetViews:
+    """The views of stage crossing that are in ``points.csv`` already."""
+    path = folder / POINTS
+    if path.exists() and b"crossing" in read_bytes(path, TEXT_LIMIT_BYTES):
+        return read_points(path, described.target, described.lasers).crossing
+    return no_views(len(described.target.markers_mm) + len(described.lasers))
 
 
 def _detected(folder: Path, described: RigFile, run: Execution) -> Detection:
+    if not (folder / POINTS).exists():
+        _refuse_crossing_pictures(folder)
+    crossing = _crossing_kept(folder, described)
     views, missed = {}, []
     size = described.image_size
-    for stage, files in _stage_folders(folder).items():
+    for stage, pictured in _stage_folders(folder, described.lasers).items():
         search = partial(_searched, target=described.target)
+        files = [picture.file for picture in pictured]
         found = list(spread(search, files, f"detect {stage}", run))
         for file, (picture_size, _) in zip(files, found, strict=True):
             size = size or picture_size
-            _refuse_other_size(file, stage, picture_size, size)
+            _refuse_other_size(file.path.relative_to(folder), picture_size, size)
         outcomes = [outcome for _, outcome in found]
-        views[stage] = _stage_views(stage, files, outcomes, described.target)
+        views[stage] = _stage_views(stage, pictured, outcomes, described.target)
         missed += [
-            Missed(stage, file.name, outcome.reason)
-            for file, outcome in zip(files, outcomes, strict=True)
+            Missed(stage, picture.view, outcome.reason)
+            for picture, outcome in zip(pictured, outcomes, strict=True)
             if outcome.sighting is None
         ]
     empty = no_views(len(described.target.markers_mm))
-    observations = Observations(views.get("camera", empty), views.get("plane", empty))
+    observations = Observations(views.get("camera", empty), views.get("plane", empty), crossing)
     rig = described.rig(observations, picture_size=size)
-    _check(rig)
+    check_views(rig)
     return Detection(rig, tuple(missed))
 
 
@@ -144,12 +209,10 @@ def _size(picture: np.ndarray) -> tuple[int, int]:
     return width, height
 
 
-def _refuse_other_size(
-    file: PictureFile, stage: str, found: tuple[int, int], expected: tuple[int, int]
-) -> None:
+def _refuse_other_size(picture: Path, found: tuple[int, int], expected: tuple[int, int]) -> None:
     if found != expected:
         raise InputError(
-            f"{stage}/{file.path.name} has {found[0]}×{found[1]} pixels, the rig's pictures have "
+            f"{file_name(picture)} has {found[0]}×{found[1]} pixels, the rig's pictures have "
             f"{expected[0]}×{expected[1]}",
             "remove it, or correct image_size in rig.toml; all pictures must come from one "
             "camera, uncropped",
@@ -158,32 +221,28 @@ def _refuse_other_size(
 
 def _stage_views(
     stage: str,
-    files: list[PictureFile],
+    pictured: list[_Pictured],
     outcomes: list[TargetSearch],
     target: CollinearTarget,
 ) -> TargetViews:
     seen = [
-        (file.name, outcome.sighting)
-        for file, outcome in zip(files, outcomes, strict=True)
+        (picture, outcome.sighting)
+        for picture, outcome in zip(pictured, outcomes, strict=True)
         if outcome.sighting is not None
     ]
     if not seen:
         raise UntrustworthyError(
             stage,
-            f"the target was seen in none of {len(files)} pictures; "
-            f"{files[0].path.name}: {outcomes[0].reason}",
+            f"the target was seen in none of {len(pictured)} pictures; "
+            f"{pictured[0].file.path.name}: {outcomes[0].reason}",
             f"check marker ({target.marker}) and marker_size_mm in rig.toml, focus and light",
         )
     sightings = [sighting for _, sighting in seen]
     if stage == "camera":
         sightings = order_by_fixed_end(sightings)
     return TargetViews(
-        tuple(name for name, _ in seen),
+        tuple(picture.view for picture, _ in seen),
         np.stack([sighting.uv for sighting in sightings]),
         np.stack([sighting.std for sighting in sightings]),
+        np.array([picture.laser for picture, _ in seen]),
     )
-
-
-def _check(rig: Rig) -> None:
-    for stage, views in rig.observations.stages().items():
-        check_target_views(views, stage, rig.image_size)

@@ -21,7 +21,7 @@ def small_rig() -> SimulatedRig:
     big = paper_rig()
     camera = Camera((400, 300), 1000.0, 995.0, 198.3, 151.2)
     plane = LightPlane(big.light_plane.normal, big.light_plane.distance_mm)
-    return SimulatedRig(camera, plane, projector_mm=big.projector_mm)
+    return SimulatedRig(camera, (plane,), projector_mm=big.projector_mm)
 
 
 def test_ends_of_rendered_bars_are_unbiased_and_as_good_as_stated():

@@ -1,0 +1,57 @@
+"""The camera stage by itself: camera and fixed point from the pivoting target (paper 3.1)."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from sheetoflight.calibration.fitting import Fit
+from sheetoflight.calibration.identifiability import require_determined
+from sheetoflight.calibration.noise import PIXEL, NoiseModel
+from sheetoflight.calibration.rig_state import ANCHOR
+from sheetoflight.calibration.search import best_fit
+from sheetoflight.errors import UntrustworthyError
+from sheetoflight.model.observations import Observations, TargetViews
+from sheetoflight.model.rig import Rig
+
+
+def camera_alone(rig: Rig, noise: NoiseModel) -> tuple[Fit, tuple[str, ...]]:
+    """Camera and fixed point from the pivoting target alone, and warnings.
+
+    Raises
+    ------
+    UntrustworthyError
+        If the views do not determine them.
+    """
+    views = rig.observations.camera
+    _refuse_few_camera_views(views, 6 if rig.skew else 5)
+    alone = replace(rig, observations=Observations(camera=views))
+    stages = {"camera": views}
+    fit = best_fit(alone, noise, stages, ANCHOR, lambda _, __, state: state, "camera")
+    return fit, require_determined(fit, "camera")
+
+
+def with_known_pixel_noise(camera: Fit) -> NoiseModel:
+    """The noise for a second step: the camera stage tells the pixel noise, because the in-plane
+    residuals hold the camera's error too."""
+    free = camera.noise.free.copy()
+    free[PIXEL] = False
+    return replace(camera.noise, free=free)
+
+
+def _refuse_few_camera_views(views: TargetViews, needed: int) -> None:
+    """Views count that show two markers beside the fixed one; marker 0 must be seen somewhere."""
+    full = int((views.seen[:, 1:].sum(axis=1) >= 2).sum())
+    if full < needed:
+        raise UntrustworthyError(
+            "camera",
+            f"{full} {'view' if full == 1 else 'views'} of the pivoting target, "
+            f"at least {needed} are needed",
+            "take more pictures with the target swung about marker 0 into other directions, "
+            "30 give a good result",
+        )
+    if not views.seen[:, 0].any():
+        raise UntrustworthyError(
+            "camera",
+            "marker 0, about which the target pivots, is seen in no view",
+            "take pictures in which nothing hides it",
+        )

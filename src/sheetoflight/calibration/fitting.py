@@ -1,0 +1,237 @@
+"""From a starting state to estimates, the sizes of the noise, and how well both are known."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from sheetoflight.calibration.adjustment import Adjustment
+from sheetoflight.calibration.noise import PIXEL, PLACEMENT, NoiseModel
+from sheetoflight.calibration.pose_reselection import reselected_directions
+from sheetoflight.calibration.rig_state import RigState
+from sheetoflight.errors import UntrustworthyError
+from sheetoflight.estimation.block_least_squares import Solution, solve
+from sheetoflight.estimation.variance_components import (
+    ReducedModel,
+    excess,
+    reduced_model,
+    variance_components,
+)
+from sheetoflight.geometry.directions import Array
+from sheetoflight.model.observations import TargetViews
+from sheetoflight.model.rig import Rig
+
+_RESELECTIONS = 5
+_NOISE_ROUNDS = 8
+_SETTLED = 0.01
+"""Relative change of a standard deviation below which the weights are not renewed: the estimates
+depend on errors of the weights in second order only."""
+
+_SHOWN = 1.96
+"""Standard deviations by which the residuals must ask for offsets of the target from the sheet:
+with two kinds of offset, one rig in twenty without any is taken to have some."""
+
+
+@dataclass(frozen=True)
+class Fit:
+    """A minimum, the adjustment it belongs to, and the noise that its residuals show.
+
+    Parameters
+    ----------
+    rig : Rig
+    adjustment : Adjustment
+    solution : Solution
+    noise : NoiseModel
+        With the estimated variances in place.
+    size_covariance : (3, 3) array
+        Of the estimated variances; zero where they were stated.
+    """
+
+    rig: Rig
+    adjustment: Adjustment
+    solution: Solution[RigState]
+    noise: NoiseModel
+    size_covariance: Array
+
+    @property
+    def state(self) -> RigState:
+        """The estimates."""
+        return self.solution.state
+
+    @property
+    def chi2(self) -> float:
+        """Sum of squared residuals in units of the noise that the adjustment was given."""
+        return 2.0 * self.solution.cost
+
+    @property
+    def degrees_of_freedom(self) -> int:
+        """Observations less unknowns."""
+        return self.adjustment.degrees_of_freedom
+
+    def model(self, moves: Mapping[str, list[Array]] | None = None) -> ReducedModel:
+        """Information on the shared parameters, and on further moves of the points behind them."""
+        moves = moves or {}
+        extra = max((len(m) for m in moves.values()), default=0)
+        groups = self.noise.contrasts(self.adjustment, self.state, moves)
+        return reduced_model(groups, self.adjustment.shared_size + extra, self.noise.variances)
+
+
+def fitted(
+    rig: Rig,
+    stages: Mapping[str, TargetViews],
+    free: tuple[str, ...],
+    state: RigState,
+    noise: NoiseModel,
+    stage: str,
+) -> Fit:
+    """Estimate the shared parameters ``free`` and all poses, and the free noise variances.
+
+    Parameters
+    ----------
+    rig : Rig
+    stages : mapping from stage to TargetViews
+        The views to adjust.
+    free : tuple of str
+    state : RigState
+        Where to begin.
+    noise : NoiseModel
+    stage : str
+        What to blame in errors.
+
+    Raises
+    ------
+    UntrustworthyError
+        If a view does not determine its own pose, or there is no convergence.
+    """
+    adjustment = noise.adjustment(rig, stages, free, state)
+    solution = settled(adjustment, state, stage)
+    sizes = _only(noise, stages)
+    if not sizes.any() or adjustment.degrees_of_freedom < 1:
+        return Fit(rig, adjustment, solution, noise, np.zeros((3, 3)))
+    if not sizes[PLACEMENT:].any():
+        return _with_pixel_noise(Fit(rig, adjustment, solution, noise, np.zeros((3, 3))))
+    return _with_components(rig, adjustment, solution, noise, sizes, stage)
+
+
+def _only(noise: NoiseModel, stages: Mapping[str, TargetViews]) -> np.ndarray:
+    """Free components that these stages can tell."""
+    there = np.array([True, "plane" in stages, "plane" in stages])
+    return noise.free & there
+
+
+def _with_pixel_noise(fit: Fit) -> Fit:
+    """The only unknown size is that of the pixel noise: no weight changes with it."""
+    freedom = fit.degrees_of_freedom
+    variance = fit.noise.variances[PIXEL] * fit.chi2 / freedom
+    variances = fit.noise.variances.copy()
+    variances[PIXEL] = variance
+    spread = np.zeros((3, 3))
+    spread[PIXEL, PIXEL] = 2.0 * variance**2 / freedom
+    return replace(fit, noise=fit.noise.with_variances(variances), size_covariance=spread)
+
+
+def _with_components(
+    rig: Rig,
+    adjustment: Adjustment,
+    solution: Solution[RigState],
+    noise: NoiseModel,
+    free: np.ndarray,
+    stage: str,
+) -> Fit:
+    """Residuals tell the noise, the noise weighs the residuals, until both agree."""
+    variances = noise.variances.copy()
+    if free[PIXEL]:
+        variances[PIXEL] *= max(2.0 * solution.cost / adjustment.degrees_of_freedom, 1e-12)
+    free = free & _asked_for(noise, adjustment, solution.state, variances, free)
+    if not free[PLACEMENT:].any():
+        fit = Fit(rig, adjustment, solution, noise, np.zeros((3, 3)))
+        return _with_pixel_noise(fit) if free[PIXEL] else fit
+    start = _first_offsets(noise, adjustment, solution.state, variances, free)
+    spread = np.zeros((3, 3))
+    for _ in range(_NOISE_ROUNDS):
+        groups = noise.contrasts(adjustment, solution.state, {})
+        try:
+            found = variance_components(groups, adjustment.shared_size, start, free)
+        except np.linalg.LinAlgError:  # undetermined, which is for others to tell
+            break
+        spread = found.covariance
+        settled_now = np.allclose(np.sqrt(found.sizes), np.sqrt(variances), rtol=_SETTLED, atol=0.0)
+        variances = start = found.sizes
+        if settled_now:
+            break
+        weighted = noise.with_variances(variances)
+        adjustment = weighted.adjustment(
+            rig, adjustment.stages, adjustment.parameters, solution.state
+        )
+        solution = settled(adjustment, solution.state, stage)
+    return Fit(rig, adjustment, solution, noise.with_variances(variances), spread)
+
+
+def _asked_for(
+    noise: NoiseModel, adjustment: Adjustment, state: RigState, variances: Array, free: np.ndarray
+) -> np.ndarray:
+    """Components to estimate: offsets from the sheet only where the residuals show them.
+
+    A variance that can only be positive would else, where there is none, be found too large.
+    """
+    groups = noise.contrasts(adjustment, state, {})
+    try:
+        strength = excess(groups, adjustment.shared_size, variances, free)
+    except np.linalg.LinAlgError:
+        return np.arange(len(free)) == PIXEL
+    if not (strength[PLACEMENT:] > _SHOWN).any():
+        return np.arange(len(free)) == PIXEL
+    return np.ones_like(free)
+
+
+def _first_offsets(
+    noise: NoiseModel, adjustment: Adjustment, state: RigState, variances: Array, free: np.ndarray
+) -> Array:
+    """Variances at which placement and pixel noise are alike, as a start."""
+    start = variances.copy()
+    for component, part in noise.parts(adjustment, state, "plane"):
+        if component != PIXEL and free[component]:
+            per_mm = float(np.trace(part, axis1=1, axis2=2).mean()) / part.shape[-1]
+            start[component] = variances[PIXEL] / max(per_mm, 1e-12)
+    return start
+
+
+def settled(adjustment: Adjustment, state: RigState, stage: str) -> Solution[RigState]:
+    """Solve; test every pivoting view for its other pose, and solve again until none changes."""
+    solution = _solved(adjustment, state, stage)
+    views = adjustment.stages.get("camera")
+    for _ in range(_RESELECTIONS if views is not None else 0):
+        assert views is not None
+        best = solution.state
+        directions, changed = reselected_directions(
+            best.camera, best.anchor, best.poses["camera"], views, adjustment.positions
+        )
+        if not changed.any():
+            break
+        again = _solved(adjustment, best.with_poses("camera", directions), stage)
+        if again.cost >= solution.cost:
+            break
+        solution = again
+    return solution
+
+
+def _solved(adjustment: Adjustment, state: RigState, stage: str) -> Solution[RigState]:
+    try:
+        return solve(adjustment, state)
+    except np.linalg.LinAlgError as reason:
+        raise UntrustworthyError(
+            stage,
+            "a view does not determine its own pose",
+            "remove views with fewer than two markers, or with markers that coincide",
+        ) from reason
+
+
+def undetermined(stage: str) -> UntrustworthyError:
+    """The views leave something open that was to be estimated."""
+    return UntrustworthyError(
+        stage,
+        "the views do not determine the parameters",
+        "take further views with the target turned into other directions",
+    )

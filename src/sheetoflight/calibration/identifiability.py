@@ -1,0 +1,274 @@
+"""Whether the views determine what is to be estimated, before any number is given out.
+
+All evidence is judged together, at the solution, by the information matrix and the noise:
+
+- A matrix that is singular to working precision leaves something undetermined.
+- A covariance is a linear notion. Where a quantity's relative standard uncertainty (radians for
+  angles) is q, the neglected second order is q²; above a tenth it moves an interval's middle by
+  more than a twentieth of its half width.
+- Noise alone can make a degenerate set of views look determined: at the solution, the estimated
+  poses are not quite degenerate. Such a valley shows when it is followed: with the weakest
+  quantity held five standard uncertainties away and everything else adjusted again, chi-squared
+  must have risen beyond what chance allows once in a thousand times; in a healthy set it has
+  risen by 25.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.special import chdtri
+
+from sheetoflight.calibration.fitting import Fit, settled
+from sheetoflight.calibration.next_view import next_view, size_of
+from sheetoflight.calibration.noise import PIXEL
+from sheetoflight.calibration.rig_state import ANCHOR, RigState
+from sheetoflight.errors import UntrustworthyError
+from sheetoflight.estimation.block_least_squares import scaled_inverse
+from sheetoflight.geometry.directions import Array
+
+LINEAR_LIMIT = 0.1
+"""Greatest relative standard uncertainty (radians for angles) at which a covariance still
+describes the result."""
+
+WEAK = 0.03
+"""Relative standard uncertainty above which a result is called weak: second order is still only
+a thousandth, but a view or two may decide over it."""
+
+_BEYOND_DOUBT = 0.002
+"""Relative standard uncertainty below which no valley is followed: in degenerate sets the
+information comes from the noise itself, and gives some hundredths whatever the noise."""
+
+_FOLLOWED = 5.0
+_CHANCE = 1e-3
+
+_TAKES_PART = 0.1
+"""Component of a unit vector above which a parameter has a part in what is undetermined."""
+
+_IN_WORDS = {
+    "alpha": "the focal length alpha",
+    "beta": "the focal length beta",
+    "gamma": "the skew gamma",
+    "u0": "the principal point u0",
+    "v0": "the principal point v0",
+    "tilt1": "the direction of the sheet {laser}",
+    "tilt2": "the direction of the sheet {laser}",
+    "d": "the distance of the sheet {laser}",
+}
+
+
+@dataclass(frozen=True)
+class Weakness:
+    """What is known least.
+
+    Parameters
+    ----------
+    parameter : str
+        A shared parameter.
+    stage : {"camera", "plane"}
+        Where it should have come from.
+    in_words : str
+    relative_std : float
+        In units of the parameter's size, radians for angles.
+    """
+
+    parameter: str
+    stage: str
+    in_words: str
+    relative_std: float
+
+
+def require_determined(fit: Fit, stage: str) -> tuple[str, ...]:
+    """Refuse a fit whose views do not determine it; warn where they do so weakly.
+
+    Raises
+    ------
+    UntrustworthyError
+        Naming the stage, what is undetermined, and which picture to take next.
+    """
+    information = fit.model().information
+    try:
+        covariance, _ = scaled_inverse(information)
+    except np.linalg.LinAlgError as reason:
+        weakest = _null_direction(fit, information)
+        raise _refusal(fit, information, weakest, "do not determine {what}") from reason
+    weaknesses = _weaknesses(fit, covariance)
+    for weakness in weaknesses:
+        if not weakness.relative_std <= LINEAR_LIMIT:
+            text = (
+                "leave {what} uncertain by "
+                f"{weakness.relative_std:.0%} (limit {LINEAR_LIMIT:.0%})"
+            )
+            raise _refusal(fit, information, weakness, text)
+    worst = _worst_of_each_stage(weaknesses)
+    if not fit.solution.converged:
+        text = f"hardly determine {{what}}: no convergence after {fit.solution.iterations} steps"
+        raise _refusal(fit, information, max(worst, key=lambda w: w.relative_std), text)
+    for weakness in worst:
+        if weakness.relative_std > _BEYOND_DOUBT:
+            _follow_valley(fit, information, covariance, weakness, stage)
+    return tuple(
+        f"stage {w.stage}: {w.in_words} is known to {w.relative_std:.1%} only – "
+        f"{_advice(fit, information, w)}"
+        for w in worst
+        if w.relative_std > WEAK
+    )
+
+
+def require_open_sheets(fit: Fit) -> None:
+    """Refuse a sheet that the camera sees all but edge on.
+
+    A point is ``X = d r / (n · r)``: a pixel's noise moves its depth by the relative amount
+    ``σ ‖(K⁻ᵀ n)_uv‖ / (n · r)``, which grows without bound as the sheet comes near the camera's
+    centre.
+
+    Raises
+    ------
+    UntrustworthyError
+        Where that exceeds `LINEAR_LIMIT` for the points by which the sheet is known.
+    """
+    state, pixel_std = fit.state, np.sqrt(fit.noise.variances[PIXEL])
+    inverse = np.linalg.inv(state.camera.matrix)
+    for laser, name in enumerate(fit.rig.lasers):
+        points = _points_on(fit, laser)
+        normal, distance = state.frames[laser][:, 2], abs(float(state.distances[laser]))
+        slopes = np.abs(points @ normal) / points[:, 2]
+        across = float(np.linalg.norm((inverse.T @ normal)[:2]))
+        relative = pixel_std * across / max(float(np.median(slopes)), 1e-300)
+        if not relative <= LINEAR_LIMIT:
+            raise edge_on(name, distance, float(np.median(np.linalg.norm(points, axis=1))))
+
+
+def edge_on(laser: str, distance: float, reach: float) -> UntrustworthyError:
+    """The refusal of a sheet through or near the camera's centre."""
+    return UntrustworthyError(
+        "plane",
+        f"the sheet of {laser} passes through or near the camera's centre ({distance:.2g} mm from "
+        f"it, the targets are {reach:.0f} mm away), so that depth cannot be told",
+        "move the laser aside until the camera looks at the sheet from 15° or more",
+    )
+
+
+def _points_on(fit: Fit, laser: int) -> Array:
+    """The markers ``(N, 3)`` that lie in a sheet, and its spots on targets."""
+    found: list[Array] = [np.empty((0, 3))]
+    for stage, views in fit.adjustment.stages.items():
+        points = fit.adjustment.placed(fit.state, stage).points
+        if stage == "plane":
+            found.append(points[views.lasers == laser].reshape(-1, 3))
+        if stage == "crossing":
+            spot = len(fit.adjustment.positions) + laser
+            found.append(points[views.seen[:, spot], spot])
+    return np.concatenate(found)
+
+
+def _weaknesses(fit: Fit, covariance: Array) -> list[Weakness]:
+    std = np.sqrt(np.diag(covariance))
+    return [
+        _weakness(fit, name, float(s) / size_of(fit.state, name))
+        for name, s in zip(fit.adjustment.parameters, std, strict=True)
+        if name not in ANCHOR
+    ]
+
+
+def _weakness(fit: Fit, parameter: str, relative_std: float) -> Weakness:
+    owner, part = parameter.split(".")
+    stage = "camera" if owner in ("camera", "anchor") else "plane"
+    laser = "" if stage == "camera" else fit.rig.lasers[int(owner.removeprefix("sheet"))]
+    default = f"the distortion {part}" if owner == "camera" else "the fixed point"
+    words = _IN_WORDS.get(part, default).format(laser=laser)
+    return Weakness(parameter, stage, words, relative_std)
+
+
+def _worst_of_each_stage(weaknesses: list[Weakness]) -> list[Weakness]:
+    worst: dict[str, Weakness] = {}
+    for weakness in weaknesses:
+        if weakness.relative_std > worst.get(weakness.stage, weakness).relative_std or (
+            weakness.stage not in worst
+        ):
+            worst[weakness.stage] = weakness
+    return list(worst.values())
+
+
+def _null_direction(fit: Fit, information: Array) -> Weakness:
+    """The parameter that leads in the direction of least information."""
+    sizes = np.array([size_of(fit.state, name) for name in fit.adjustment.parameters])
+    scaled = information * sizes[:, None] * sizes
+    vector = np.abs(np.linalg.eigh(np.nan_to_num(scaled))[1][:, 0])
+    names = fit.adjustment.parameters
+    camera = [i for i, name in enumerate(names) if name.startswith("camera.")]
+    every = [i for i, name in enumerate(names) if name not in ANCHOR]
+    # where the camera is open, the sheet is too, but not the other way round
+    open_camera = camera and vector[camera].max() > _TAKES_PART
+    leading = max(camera if open_camera else every, key=lambda i: vector[i])
+    return _weakness(fit, names[leading], np.inf)
+
+
+def _follow_valley(
+    fit: Fit, information: Array, covariance: Array, weakness: Weakness, stage: str
+) -> None:
+    """Hold the weakest parameter away from its estimate, adjust everything else again."""
+    parameters = fit.adjustment.parameters
+    place = parameters.index(weakness.parameter)
+    column = covariance[:, place] / np.sqrt(covariance[place, place])
+    others = tuple(name for name in parameters if name != weakness.parameter)
+    held = fit.noise.adjustment(fit.rig, fit.adjustment.stages, others, fit.state)
+    whole = fit.noise.adjustment(fit.rig, fit.adjustment.stages, parameters, fit.state)
+    base = sum(block.cost for block in whole.blocks(fit.state))
+    limit = float(chdtri(1, _CHANCE))
+    for side in (_FOLLOWED, -_FOLLOWED):
+        moved = _moved(fit, side * column)
+        if moved is None:
+            continue
+        rise = 2.0 * (settled(held, moved, stage).cost - base)
+        if rise < limit:
+            shift = abs(side) * weakness.relative_std
+            text = (
+                "do not determine {what}: "
+                f"changed by {shift:.0%}, all fits nearly as well (chi-squared "
+                f"{rise:+.1f} where {_FOLLOWED**2:.0f} was to be expected)"
+            )
+            raise _refusal(fit, information, weakness, text)
+
+
+def _moved(fit: Fit, step: Array) -> RigState | None:
+    """The state after a step of the shared parameters, the poses following."""
+    local = {}
+    for stage, block in zip(fit.adjustment.stages, fit.adjustment.blocks(fit.state), strict=True):
+        pull = np.einsum("nrk,nrs,s->nk", block.by_local, block.by_shared, step[block.columns])
+        normal = np.swapaxes(block.by_local, 1, 2) @ block.by_local
+        local[stage] = -np.linalg.solve(normal, pull[..., None])[..., 0]
+    shared = dict(zip(fit.adjustment.parameters, step.tolist(), strict=True))
+    return fit.state.moved(shared, local)
+
+
+def _refusal(fit: Fit, information: Array, weakness: Weakness, text: str) -> UntrustworthyError:
+    return UntrustworthyError(
+        weakness.stage,
+        f"the views {text.format(what=weakness.in_words)}",
+        _advice(fit, information, weakness),
+    )
+
+
+def _advice(fit: Fit, information: Array, weakness: Weakness) -> str:
+    """Which picture to take next."""
+    parameters = fit.adjustment.parameters
+    importance = np.zeros_like(information)
+    place = parameters.index(weakness.parameter)
+    importance[place, place] = 1.0
+    try:
+        best = next_view(
+            fit.rig,
+            fit.state,
+            fit.noise,
+            parameters,
+            np.nan_to_num(information),
+            importance,
+            weakness.stage,
+        )
+    except np.linalg.LinAlgError:
+        best = None
+    if best is None:
+        return "take further views with the target turned into other directions"
+    return f"next, {best.in_words}"

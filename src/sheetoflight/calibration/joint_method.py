@@ -1,0 +1,30 @@
+"""All evidence in one maximum-likelihood adjustment."""
+
+from __future__ import annotations
+
+from sheetoflight.calibration.identifiability import require_determined, require_open_sheets
+from sheetoflight.calibration.noise import NoiseModel
+from sheetoflight.calibration.outcome import Outcome
+from sheetoflight.calibration.rig_state import ANCHOR, intrinsic_names, sheet_names
+from sheetoflight.calibration.search import best_fit
+from sheetoflight.calibration.starts import with_sheets
+from sheetoflight.calibration.uncertainty import influence
+from sheetoflight.model.rig import Rig
+
+
+def joint(rig: Rig, noise: NoiseModel) -> Outcome:
+    """Camera, sheets and poses from any stages that suffice together.
+
+    Raises
+    ------
+    UntrustworthyError
+        If they do not determine what is to be estimated.
+    """
+    stages = rig.observations.stages()
+    anchor = ANCHOR if "camera" in stages else ()
+    sheets = sheet_names(len(rig.lasers))
+    fit = best_fit(rig, noise, stages, (*anchor, *sheets), with_sheets, "joint")
+    weak = require_determined(fit, "joint")
+    require_open_sheets(fit)
+    names = (*intrinsic_names(rig.free_intrinsics), *sheets)
+    return Outcome(fit.state, influence(fit, names, "joint"), (fit,), fit, weak)

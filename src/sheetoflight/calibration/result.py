@@ -1,0 +1,116 @@
+"""From what a method found to the calibration that a user gets."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from sheetoflight.calibration.fitting import Fit
+from sheetoflight.calibration.identifiability import LINEAR_LIMIT
+from sheetoflight.calibration.noise import COMPONENTS, PIXEL
+from sheetoflight.calibration.outcome import Outcome
+from sheetoflight.calibration.uncertainty import covariance_of
+from sheetoflight.errors import UntrustworthyError
+from sheetoflight.model.calibration import Calibration, Residuals, ViewResiduals
+from sheetoflight.model.covariance import PLANE_PARTS, Covariance, NoiseComponents
+from sheetoflight.model.light_plane import LightPlane
+from sheetoflight.model.rig import Rig
+
+_STANDS_OUT = 4.0
+"""How many times the median residual a view's may be. With noise alone a view of four degrees of
+freedom exceeds that with odds below 1e-9."""
+
+_NO_RESIDUAL_PX = 1e-6
+
+
+def calibration_of(method: str, rig: Rig, outcome: Outcome, chi2_per_dof: float) -> Calibration:
+    """The calibration with its covariance, residuals and warnings.
+
+    Raises
+    ------
+    UntrustworthyError
+        If the noise cannot be estimated, or a sheet is known too badly.
+    """
+    told = outcome.noise
+    if told.degrees_of_freedom < 1 and told.noise.free[PIXEL]:
+        raise UntrustworthyError(
+            "camera" if method != "joint" else method,
+            "there are no more observations than unknowns, so the noise cannot be estimated",
+            "take more views, or state pixel_std under [noise] in rig.toml",
+        )
+    covariance = covariance_of(
+        outcome.influence, outcome.state, rig.lasers, rig.target, _components(told)
+    )
+    planes = outcome.state.light_planes(rig.lasers)
+    _refuse_beyond_linear(planes, covariance)
+    views = tuple(view for fit in outcome.fits for view in _view_residuals(fit))
+    squares = np.concatenate([view.residuals.ravel() ** 2 for view in views])
+    return Calibration(
+        method=method,
+        camera=outcome.state.camera,
+        light_planes=planes,
+        covariance=covariance,
+        residuals=Residuals(
+            rms_px=float(np.sqrt(np.nanmean(squares))),
+            chi2_per_dof=chi2_per_dof,
+            views=views,
+        ),
+        target=rig.target,
+        pixel_std=float(np.sqrt(told.noise.variances[PIXEL])),
+        warnings=(
+            *outcome.warnings,
+            *_views_that_stand_out(views),
+        ),
+    )
+
+
+def _components(fit: Fit) -> NoiseComponents:
+    """The estimated noise components, and how well they are known."""
+    known = [k for k in range(len(COMPONENTS)) if fit.size_covariance[k, k] > 0]
+    sizes = fit.noise.variances[known]
+    relative = fit.size_covariance[np.ix_(known, known)] / np.outer(sizes, sizes)
+    return NoiseComponents(
+        tuple(COMPONENTS[k] for k in known), tuple(np.sqrt(sizes).tolist()), relative
+    )
+
+
+def _refuse_beyond_linear(planes: Sequence[LightPlane], covariance: Covariance) -> None:
+    """What the camera's uncertainty adds to the sheet's is known only in the end."""
+    for plane in planes:
+        tilt = np.sqrt(sum(covariance.std(f"{plane.name}.{part}") ** 2 for part in PLANE_PARTS[:3]))
+        distance = covariance.std(f"{plane.name}.d") / plane.distance_mm
+        for what, relative in (("direction", tilt), ("distance", distance)):
+            if not relative <= LINEAR_LIMIT:
+                raise UntrustworthyError(
+                    "plane",
+                    f"the views leave the {what} of the sheet {plane.name} uncertain by "
+                    f"{relative:.0%} (limit {LINEAR_LIMIT:.0%})",
+                    "lay the target into the sheet in further, differently turned positions, or "
+                    "use --method joint",
+                )
+
+
+def _view_residuals(fit: Fit) -> list[ViewResiduals]:
+    residuals = fit.adjustment.residuals_px(fit.state)
+    return [
+        ViewResiduals(stage, name, views.uv[i], residuals[stage][i], points[i])
+        for stage, views in fit.adjustment.stages.items()
+        for points in [fit.adjustment.placed(fit.state, stage).points]
+        for i, name in enumerate(views.names)
+    ]
+
+
+def _views_that_stand_out(views: tuple[ViewResiduals, ...]) -> tuple[str, ...]:
+    """One warning for the worst view of each stage that fits far worse than the stage's others."""
+    warnings = []
+    for stage in dict.fromkeys(view.stage for view in views):
+        own = [view for view in views if view.stage == stage]
+        typical = float(np.median([view.rms_px for view in own]))
+        worst = max(own, key=lambda view: view.rms_px)
+        if worst.rms_px > max(_STANDS_OUT * typical, _NO_RESIDUAL_PX):
+            warnings.append(
+                f"view {worst.view} of stage {stage} has residuals of {worst.rms_px:.2g} px, the "
+                f"stage's median is {typical:.2g} px – check its markers, or remove it"
+            )
+    return tuple(warnings)

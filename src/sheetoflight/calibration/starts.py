@@ -1,0 +1,296 @@
+"""Where the adjustment begins: cameras from all the evidence, and what follows from each.
+
+Closed forms come first. Where they fail – degenerate swings, few views, strong noise – cameras
+with square pixels and their principal point in the middle of the picture are tried over the
+range of focal lengths that exist. Given a camera, everything else follows in closed form.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from sheetoflight.calibration.camera_closed_form import (
+    PivotImages,
+    closed_form_cameras,
+    normalisation,
+    pivot_images,
+)
+from sheetoflight.calibration.pose_reselection import reselected_directions
+from sheetoflight.calibration.rig_state import RigState
+from sheetoflight.calibration.sheet_map_closed_form import sheet_map
+from sheetoflight.calibration.target_triangulation import triangulated_targets
+from sheetoflight.errors import UntrustworthyError
+from sheetoflight.geometry.directions import Array, normalised, tangent_basis
+from sheetoflight.geometry.planes import fitted_plane
+from sheetoflight.model.camera import Camera
+from sheetoflight.model.observations import TargetViews
+from sheetoflight.model.rig import Rig
+
+_FIELDS_OF_VIEW_DEG = (120.0, 85.0, 60.0, 42.0, 30.0, 21.0, 15.0, 10.0, 7.0, 5.0)
+"""Diagonal fields of view to be tried, each focal length some 1.4 times the one before: from
+fish-eye-like to telephoto lenses."""
+
+
+@dataclass(frozen=True)
+class Evidence:
+    """What the views say before a camera is known, in normalised pixels and lengths.
+
+    Parameters
+    ----------
+    pixels : (3, 3) array
+        From pixels to normalised ones.
+    length : float
+        Of the target, mm: the unit of length.
+    pivot : PivotImages or None
+    sheets : tuple of (3, 3) array or None
+        For each laser the homography from its sheet to the image, where its views give one.
+    """
+
+    pixels: Array
+    length: float
+    pivot: PivotImages | None
+    sheets: tuple[Array | None, ...]
+
+
+def evidence(rig: Rig) -> Evidence:
+    """What the views say before a camera is known."""
+    seen = rig.observations
+    markers = len(rig.target.markers_mm)
+    length = float(rig.target.positions[-1])
+    positions = rig.target.positions / length
+    every = [views.uv[:, :markers].reshape(-1, 2) for views in seen.stages().values()]
+    pixels = normalisation(np.concatenate(every))
+    pivot = pivot_images(_in(pixels, seen.camera.uv), positions) if len(seen.camera) else None
+    sheets = []
+    for laser in range(len(rig.lasers)):
+        views = seen.plane.uv[seen.plane.lasers == laser]
+        found = sheet_map(_in(pixels, views), positions) if len(views) else None
+        sheets.append(None if found is None else np.linalg.inv(found))
+    return Evidence(pixels, length, pivot, tuple(sheets))
+
+
+def cameras(rig: Rig, found: Evidence) -> Iterator[Camera]:
+    """Cameras worth trying, the best founded first."""
+    middle = 0.5 * (np.array(rig.image_size) - 1.0)
+    slopes = np.zeros((0, 3)) if found.pivot is None else found.pivot.slopes[found.pivot.full]
+    back = np.linalg.inv(found.pixels)
+    maps = [sheet for sheet in found.sheets if sheet is not None]
+    sets: list[Sequence[Array]] = [maps, ()] if maps else [()]
+    for sheets in sets:
+        for matrix in closed_form_cameras(slopes, sheets, _in(found.pixels, middle), rig.skew):
+            in_pixels = back @ matrix
+            if not rig.skew:
+                in_pixels[0, 1] = 0.0
+            yield Camera.from_matrix(rig.image_size, in_pixels)
+
+
+def plain_cameras(rig: Rig) -> Iterator[Camera]:
+    """Square pixels, principal point in the middle, all focal lengths that exist."""
+    middle = 0.5 * (np.array(rig.image_size) - 1.0)
+    diagonal = float(np.hypot(*rig.image_size))
+    for angle in _FIELDS_OF_VIEW_DEG:
+        focal = 0.5 * diagonal / np.tan(np.radians(angle / 2))
+        yield Camera(rig.image_size, focal, focal, middle[0], middle[1])
+
+
+def pivoting_state(rig: Rig, found: Evidence, camera: Camera) -> RigState:
+    """Fixed point and directions for a camera.
+
+    Raises
+    ------
+    UntrustworthyError
+        If no view shows the fixed point, or none two markers beside it.
+    """
+    views = rig.observations.camera
+    empty = RigState(camera, np.array([0.0, 0.0, 1.0]), np.zeros((0, 3, 3)), np.zeros(0), {})
+    if not len(views):
+        return empty
+    if found.pivot is None or not found.pivot.full.any():
+        raise UntrustworthyError(
+            "camera",
+            "no view shows marker 0, about which the target pivots, and two more markers",
+            "take pictures in which nothing hides them",
+        )
+    # the anchor from the target's length unit, its ray from the pixels
+    matrix = found.pixels @ camera.matrix
+    depth = found.pivot.depth(matrix)
+    directions = found.pivot.directions(matrix)
+    anchor = found.length * depth * np.linalg.solve(matrix, found.pivot.anchor)
+    best, _ = reselected_directions(camera, anchor, directions, views, rig.target.positions)
+    return replace(empty, anchor=anchor, poses={"camera": best})
+
+
+def triangulated_views(rig: Rig, camera: Camera, stage: str) -> tuple[Array, np.ndarray]:
+    """A, P, B of the views that show three markers, by the paper's closed form.
+
+    Of more than three markers the first and the last seen and the one nearest their middle.
+
+    Returns
+    -------
+    points : (V, 3, 3) array
+        mm, camera frame.
+    used : (V,) int array
+        Which views those are.
+    """
+    views = rig.observations.stages().get(stage)
+    markers = len(rig.target.markers_mm)
+    if views is None:
+        return np.empty((0, 3, 3)), np.empty(0, dtype=int)
+    seen = views.seen[:, :markers]
+    used = np.flatnonzero(seen.sum(axis=1) >= 3)
+    if not len(used):
+        return np.empty((0, 3, 3)), used
+    chosen = np.array([_triple(seen[i], rig.target.positions) for i in used], dtype=int)
+    uv = np.take_along_axis(views.uv[used], chosen[..., None], axis=1)
+    places = rig.target.positions[chosen]
+    l1, l2 = places[:, 1] - places[:, 0], places[:, 2] - places[:, 1]
+    points = triangulated_targets(uv, l1, l2, camera)
+    finite = np.isfinite(points).all(axis=(1, 2))
+    return points[finite], used[finite]
+
+
+def _triple(seen: np.ndarray, positions: Array) -> tuple[int, int, int]:
+    markers = np.flatnonzero(seen)
+    first, last = markers[0], markers[-1]
+    middle = 0.5 * (positions[first] + positions[last])
+    inner = markers[1:-1]
+    return first, inner[np.abs(positions[inner] - middle).argmin()], last
+
+
+def with_sheets(rig: Rig, found: Evidence, state: RigState) -> RigState:
+    """The state with all sheets of light and the views that belong to them.
+
+    A sheet follows from its homography to the image; where there is none, from the points that
+    are triangulated on it.
+
+    Raises
+    ------
+    UntrustworthyError
+        If a sheet's points do not give a plane, it passes through the camera, or a target
+        cannot lie in it.
+    """
+    state = _with_crossings(rig, state)
+    lasers = range(len(rig.lasers))
+    try:
+        return with_planes(rig, state, [_plane(rig, found, state, laser) for laser in lasers])
+    except UntrustworthyError:  # parallel targets give a poor homography, but points in space
+        return with_planes(rig, state, [_triangulated_plane(rig, state, n) for n in lasers])
+
+
+def _plane(rig: Rig, found: Evidence, state: RigState, laser: int) -> tuple[Array, float]:
+    homography = found.sheets[laser]
+    if homography is None:
+        return _triangulated_plane(rig, state, laser)
+    return _seen_plane(found, homography, state.camera)
+
+
+def _seen_plane(found: Evidence, homography: Array, camera: Camera) -> tuple[Array, float]:
+    """The sheet from ``K⁻¹ H ~ [r1 r2 t]``: two directions in it and a point of it."""
+    first, second, point = np.linalg.solve(found.pixels @ camera.matrix, homography).T
+    size = 0.5 * (np.linalg.norm(first) + np.linalg.norm(second)) * np.sign(point[2])
+    normal = normalised(np.cross(first, second))
+    distance = float(found.length * normal @ point / size)
+    return (normal, distance) if distance >= 0 else (-normal, -distance)
+
+
+def _triangulated_plane(rig: Rig, state: RigState, laser: int) -> tuple[Array, float]:
+    """The plane through all triangulated markers that lie in a sheet and its spots on targets."""
+    lying, used = triangulated_views(rig, state.camera, "plane")
+    lying = lying[rig.observations.plane.lasers[used] == laser] if len(used) else lying
+    spots = _spots(rig, state, laser)
+    if len(lying) < 2 and len(spots) < 3 - len(lying):
+        raise UntrustworthyError(
+            "plane",
+            f"{len(lying)} usable {'position' if len(lying) == 1 else 'positions'} of the target "
+            f"in the sheet of {rig.lasers[laser]} and {len(spots)} spots of it, "
+            "at least 2 positions or 3 spots are needed",
+            "lay the target into the sheet in further, differently turned positions (10 give a "
+            "good result), or let the sheet cross it in further views",
+        )
+    return fitted_plane(np.concatenate([lying.reshape(-1, 3), spots]))
+
+
+def with_planes(rig: Rig, state: RigState, planes: Sequence[tuple[Array, float]]) -> RigState:
+    """The state with given sheets ``(normal, distance)``, the in-plane targets laid onto them.
+
+    Raises
+    ------
+    UntrustworthyError
+        If a sheet passes through the camera, or a target cannot lie in it.
+    """
+    frames = np.array([np.stack([*tangent_basis(n), n], axis=1) for n, _ in planes])
+    state = replace(state, frames=frames, distances=np.array([d for _, d in planes]))
+    views = rig.observations.plane
+    return state.with_poses("plane", lying_poses(state, views, rig)) if len(views) else state
+
+
+def lying_poses(state: RigState, views: TargetViews, rig: Rig) -> Array:
+    """x, y, ψ of the in-plane targets, from the rays of their first and last seen markers."""
+    rays = state.camera.unproject(views.uv)
+    frames = state.frames[views.lasers]
+    with np.errstate(divide="ignore", invalid="ignore"):
+        depths = state.distances[views.lasers][:, None] / np.einsum(
+            "nmi,ni->nm", rays, frames[:, :, 2]
+        )
+    flat = np.einsum("nmi,nik->nmk", rays * depths[..., None], frames[:, :, :2])
+    poses = np.empty((len(views), 3))
+    for index, name in enumerate(views.names):
+        markers = np.flatnonzero(views.seen[index])
+        if len(markers) < 2 or not (depths[index, markers] > 0).all():
+            laser = rig.lasers[views.lasers[index]]
+            raise UntrustworthyError(
+                "plane",
+                f"view {name} cannot lie in the sheet of {laser} that the other views give, which "
+                f"passes {state.distances[views.lasers[index]]:.2g} mm from the camera's centre",
+                "check this view's markers; move the laser aside if the sheet passes through or "
+                "near the camera",
+            )
+        first, last = flat[index, markers[0]], flat[index, markers[-1]]
+        angle = np.arctan2(last[1] - first[1], last[0] - first[0])
+        start = first - rig.target.positions[markers[0]] * np.array([np.cos(angle), np.sin(angle)])
+        poses[index] = (*start, angle)
+    return poses
+
+
+def _with_crossings(rig: Rig, state: RigState) -> RigState:
+    views = rig.observations.crossing
+    if not len(views):
+        return state
+    points, used = triangulated_views(rig, state.camera, "crossing")
+    if len(used) < len(views):
+        missing = views.names[int(np.setdiff1d(np.arange(len(views)), used)[0])]
+        raise UntrustworthyError(
+            "crossing",
+            f"view {missing} does not give its pose",
+            "remove the view, or detect three of its markers",
+        )
+    along = normalised(points[:, 2] - points[:, 0])
+    markers = len(rig.target.markers_mm)
+    places = np.array([_triple(seen, rig.target.positions) for seen in views.seen[:, :markers]])
+    offsets = rig.target.positions[places].mean(axis=1) - rig.target.positions.mean()
+    middle = points.mean(axis=1) - offsets[:, None] * along
+    return state.with_poses("crossing", np.concatenate([middle, along], axis=1))
+
+
+def _spots(rig: Rig, state: RigState, laser: int) -> Array:
+    """Where the targets are crossed by a laser ``(S, 3)``: the points of the targets nearest to
+    the spots' rays."""
+    views = rig.observations.crossing
+    if not len(views):
+        return np.empty((0, 3))
+    rays = normalised(state.camera.unproject(views.uv[:, len(rig.target.markers_mm) + laser]))
+    middle, along = np.split(state.poses["crossing"], 2, axis=1)
+    # what of the target's direction the ray does not see end on
+    across = along - np.sum(along * rays, axis=1, keepdims=True) * rays
+    with np.errstate(invalid="ignore", divide="ignore"):
+        reach = -np.sum(middle * across, axis=1) / np.sum(across**2, axis=1)
+    points = middle + reach[:, None] * along
+    return points[np.isfinite(points).all(axis=1)]
+
+
+def _in(pixels: Array, uv: Array) -> Array:
+    """Image points in normalised pixels."""
+    return uv * pixels[0, 0] + pixels[:2, 2]

@@ -1,0 +1,153 @@
+"""What the uncertainty of the estimates comes from, source by source.
+
+With contrasts y of the residuals, their derivatives X and covariance ``V = Σ θ_k V_k`` block by
+block, the estimates move by ``δθ = −C Xᵀ V⁻¹ y`` with ``C = (Xᵀ V⁻¹ X)⁻¹``. Noise component k of
+stage b therefore brings ``C (Xᵀ V⁻¹ θ_k V_k V⁻¹ X)_b C``, and these shares add up to C. A marker
+that lies ds from where it is said to lie moves the residuals by ``Z ds`` and the estimates by
+``−C Xᵀ V⁻¹ Z ds``: the target's own errors are propagated exactly, not as a mere scale.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from sheetoflight.calibration.fitting import Fit, undetermined
+from sheetoflight.calibration.noise import COMPONENTS, PIXEL
+from sheetoflight.calibration.rig_state import CAMERA, RigState, sheet_names
+from sheetoflight.estimation.block_least_squares import scaled_inverse
+from sheetoflight.geometry.directions import Array
+from sheetoflight.model.covariance import PLANE_PARTS, Covariance, NoiseComponents, Source
+from sheetoflight.model.target import CollinearTarget
+
+STAGE_SOURCES = {"camera": "camera", "plane": "sheet", "crossing": "crossing"}
+"""What the pixel noise of a stage is called in a budget."""
+
+
+@dataclass(frozen=True)
+class Influence:
+    """Where the errors of some estimates come from.
+
+    Parameters
+    ----------
+    names : tuple of str
+        The P shared parameters, of `CAMERA` and `sheet_names`.
+    noise : tuple of (source, component, (P, P) array)
+        Shares of the covariance that come from noise; the component is None where its size was
+        stated.
+    by_marker : (P, M) array
+        How the estimates move with the position of each marker, per mm.
+    """
+
+    names: tuple[str, ...]
+    noise: tuple[tuple[str, str | None, Array], ...]
+    by_marker: Array
+
+
+def influence(fit: Fit, names: Sequence[str], stage: str) -> Influence:
+    """Where the errors of a fit's parameters come from.
+
+    Raises
+    ------
+    UntrustworthyError
+        If the views leave a combination of parameters undetermined.
+    """
+    size = fit.adjustment.shared_size
+    markers = len(fit.adjustment.positions)
+    model = fit.model(marker_moves(fit))
+    try:
+        covariance, _ = scaled_inverse(model.information[:size, :size])
+    except np.linalg.LinAlgError as reason:
+        raise undetermined(stage) from reason
+    chosen = fit.adjustment.columns_of(names)
+    gain = covariance[chosen]
+    stages = tuple(fit.adjustment.stages)
+    noise = []
+    for (place, k), share in model.shares.items():
+        if fit.noise.variances[k] == 0:
+            continue
+        part = fit.noise.variances[k] * gain @ share[:size, :size] @ gain.T
+        source = STAGE_SOURCES[stages[place]] if k == PIXEL else "placement"
+        estimated = fit.size_covariance[k, k] > 0
+        noise.append((source, COMPONENTS[k] if estimated else None, part))
+    by_marker = -gain @ model.information[:size, size : size + markers]
+    return Influence(tuple(names), tuple(noise), by_marker)
+
+
+def marker_moves(fit: Fit) -> dict[str, list[Array]]:
+    """Moves of the points ``(N, M, 3)`` when one marker after the other shifts along the target."""
+    moves = {}
+    for stage in fit.adjustment.stages:
+        place = fit.adjustment.placed(fit.state, stage)
+        moves[stage] = []
+        for marker in range(len(fit.adjustment.positions)):
+            move = np.zeros_like(place.points)
+            move[:, marker] = place.along
+            moves[stage].append(move)
+    return moves
+
+
+def chained(first: Influence, second: Influence, slope: Array) -> Influence:
+    """Influence on two sets of estimates, the second computed with the first held.
+
+    Parameters
+    ----------
+    first, second : Influence
+        Of P and Q parameters.
+    slope : (Q, P) array
+        How the second estimates move with the first.
+    """
+    down = np.concatenate([np.eye(len(first.names)), slope])
+    aside = np.concatenate([np.zeros_like(slope.T), np.eye(len(second.names))])
+    noise = [
+        *((source, component, down @ part @ down.T) for source, component, part in first.noise),
+        *((source, component, aside @ part @ aside.T) for source, component, part in second.noise),
+    ]
+    return Influence(
+        (*first.names, *second.names),
+        tuple(noise),
+        down @ first.by_marker + aside @ second.by_marker,
+    )
+
+
+def covariance_of(
+    influence: Influence,
+    state: RigState,
+    lasers: Sequence[str],
+    target: CollinearTarget,
+    components: NoiseComponents,
+) -> Covariance:
+    """Covariance in public names: the sheets' tilts become changes of their normals."""
+    names, change = _public(influence.names, state, lasers)
+    sources = [
+        Source(source, change @ part @ change.T, component)
+        for source, component, part in influence.noise
+    ]
+    by_marker = change @ influence.by_marker
+    if target.tolerance_mm > 0:
+        part = target.tolerance_mm**2 * by_marker @ by_marker.T
+        sources.append(Source("target length", part))
+    if target.thermal_std > 0:
+        grown = by_marker @ target.positions * target.thermal_std
+        sources.append(Source("temperature", np.outer(grown, grown)))
+    sources = [replace(s, matrix=0.5 * (s.matrix + s.matrix.T)) for s in sources]
+    whole = np.sum([source.matrix for source in sources], axis=0)
+    return Covariance(names, whole, tuple(sources), components)
+
+
+def _public(
+    names: Sequence[str], state: RigState, lasers: Sequence[str]
+) -> tuple[tuple[str, ...], Array]:
+    intrinsics = [name for name in names if name in CAMERA]
+    sheets = [name for name in sheet_names(len(lasers)) if name in names]
+    change = np.zeros((len(intrinsics) + 4 * len(sheets) // 3, len(names)))
+    change[: len(intrinsics), : len(intrinsics)] = np.eye(len(intrinsics))
+    row, column = len(intrinsics), len(intrinsics)
+    for frame, sign in zip(state.frames, state.signs, strict=True):
+        change[row : row + 3, column : column + 2] = sign * frame[:, :2]
+        change[row + 3, column + 2] = sign
+        row, column = row + 4, column + 3
+    planes = [f"{laser}.{part}" for laser in lasers for part in PLANE_PARTS]
+    return (*intrinsics, *planes), change

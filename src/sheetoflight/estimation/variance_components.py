@@ -1,0 +1,268 @@
+"""How large the noise is, where it has several sources: restricted maximum likelihood.
+
+The residuals of many small groups share some parameters and have covariance
+``V = fixed + Σ θ_k V_k``. Each group's own parameters are eliminated by contrasts, combinations
+of its residuals that they do not move; what is left is a linear model of the shared parameters
+alone, whose residual likelihood gives the θ_k without the bias that ignoring the estimated
+parameters would bring: H. D. Patterson and R. Thompson, Biometrika 58(3), 1971. The iteration is
+Fisher scoring, with θ_k ≥ 0.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from sheetoflight.estimation.block_least_squares import Block
+from sheetoflight.geometry.directions import Array
+
+_ITERATIONS = 60
+_TOLERANCE = 1e-6
+_LARGEST_FALL = 0.02
+"""No variance falls to less than this part of itself in one step: the next score may be wrong."""
+
+_VANISHED = 1e-7
+"""A variance that explains less than this part of the residuals' is none."""
+
+
+@dataclass(frozen=True)
+class Contrasts:
+    """N alike groups, their own parameters eliminated.
+
+    Parameters
+    ----------
+    values : (N, m) array
+        Residuals.
+    by_shared : (N, m, s) array
+    columns : (s,) int array
+        Which of all shared parameters those are.
+    fixed : (N, m, m) array
+        Covariance that is known.
+    variances : tuple of (int, (N, m, m) array)
+        The component and its V_k.
+    """
+
+    values: Array
+    by_shared: Array
+    columns: np.ndarray
+    fixed: Array
+    variances: tuple[tuple[int, Array], ...]
+
+    def covariance(self, sizes: Array) -> Array:
+        """V ``(N, m, m)`` for component variances θ."""
+        return self.fixed + sum(sizes[k] * part for k, part in self.variances)
+
+
+def contrasts(
+    block: Block, fixed: Array, variances: Sequence[tuple[int, Array]], seen: np.ndarray
+) -> Contrasts:
+    """Eliminate the groups' own parameters.
+
+    Parameters
+    ----------
+    block : Block
+        Residuals in their own unit, neither weighted nor whitened; 0 where nothing was observed.
+    fixed : (N, r, r) array
+        Known covariance of a group's residuals.
+    variances : sequence of (int, (N, r, r) array)
+        Components and their V_k.
+    seen : (N, r) mask
+        Residuals that were observed. The others get a known variance of their own, so that
+        they say nothing.
+    """
+    local = block.by_local.shape[-1]
+    basis = np.linalg.qr(block.by_local, mode="complete")[0][..., local:]
+    across = np.swapaxes(basis, 1, 2)
+    fixed = fixed.copy()
+    places = np.arange(fixed.shape[-1])
+    fixed[:, places, places] += np.where(seen, 0.0, 1.0)
+    return Contrasts(
+        values=(across @ block.residuals[..., None])[..., 0],
+        by_shared=across @ block.by_shared,
+        columns=block.columns,
+        fixed=across @ fixed @ basis,
+        variances=tuple((k, across @ part @ basis) for k, part in variances),
+    )
+
+
+@dataclass(frozen=True)
+class ReducedModel:
+    """The linear model of the shared parameters for given component variances.
+
+    Parameters
+    ----------
+    information : (P, P) array
+        ``Σ Xᵀ V⁻¹ X``.
+    gradient : (P,) array
+        ``Σ Xᵀ V⁻¹ y``.
+    shares : mapping from (block, component) to (P, P) array
+        ``Σ Xᵀ V⁻¹ V_k V⁻¹ X``: what the component's noise in that block does to the gradient.
+    known : tuple of (P, P) arrays
+        The same for each block's fixed covariance.
+    """
+
+    information: Array
+    gradient: Array
+    shares: dict[tuple[int, int], Array]
+    known: tuple[Array, ...]
+
+
+def reduced_model(groups: Sequence[Contrasts], size: int, sizes: Array) -> ReducedModel:
+    """What the contrasts say of the shared parameters.
+
+    Raises
+    ------
+    numpy.linalg.LinAlgError
+        If a covariance is singular.
+    """
+    information, gradient = np.zeros((size, size)), np.zeros(size)
+    shares, known = {}, []
+    for place, group in enumerate(groups):
+        weighted = np.linalg.solve(group.covariance(sizes), group.by_shared)
+        turned = np.swapaxes(weighted, 1, 2)
+        at = np.ix_(group.columns, group.columns)
+        information[at] += np.sum(turned @ group.by_shared, axis=0)
+        gradient[group.columns] += np.sum(turned @ group.values[..., None], axis=0)[:, 0]
+        for k, part in group.variances:
+            shares[place, k] = _embedded(np.sum(turned @ part @ weighted, axis=0), at, size)
+        known.append(_embedded(np.sum(turned @ group.fixed @ weighted, axis=0), at, size))
+    return ReducedModel(information, gradient, shares, tuple(known))
+
+
+def _embedded(matrix: Array, at: tuple[np.ndarray, ...], size: int) -> Array:
+    whole = np.zeros((size, size))
+    whole[at] = matrix
+    return whole
+
+
+@dataclass(frozen=True)
+class VarianceComponents:
+    """Estimated component variances.
+
+    Parameters
+    ----------
+    sizes : (K,) array
+        θ, 0 where a component explains nothing.
+    covariance : (K, K) array
+        Of the estimates; zero rows for components that were held or vanished.
+    converged : bool
+    """
+
+    sizes: Array
+    covariance: Array
+    converged: bool
+
+
+def variance_components(
+    groups: Sequence[Contrasts], size: int, start: Array, free: np.ndarray
+) -> VarianceComponents:
+    """Restricted maximum likelihood of the component variances.
+
+    Parameters
+    ----------
+    groups : sequence of Contrasts
+    size : int
+        Number of shared parameters.
+    start : (K,) array
+        First variances, above zero where free.
+    free : (K,) mask
+        Components to estimate; the others keep their start.
+
+    Raises
+    ------
+    numpy.linalg.LinAlgError
+        If the shared parameters are undetermined.
+    """
+    sizes, active, converged = start.astype(float), free.copy(), not free.any()
+    fisher = np.zeros((len(start), len(start)))
+    for _ in range(_ITERATIONS if free.any() else 0):
+        score, fisher, scale = _score(groups, size, sizes)
+        # a variance that has fallen to nothing comes back only if the likelihood asks for it
+        active = free & ((sizes > 0) | (score > 0))
+        if not active.any():
+            converged = True
+            break
+        step = np.zeros_like(sizes)
+        step[active] = _pseudo_inverse(fisher[np.ix_(active, active)]) @ score[active]
+        proposed = np.where(sizes > 0, np.maximum(sizes + step, _LARGEST_FALL * sizes), 0.0)
+        proposed = np.where(active & (sizes == 0), np.maximum(step, 0.0), proposed)
+        proposed = np.where(active & (proposed * scale < _VANISHED), 0.0, proposed)
+        proposed = np.where(free, proposed, sizes)
+        small = np.abs(proposed - sizes) <= _TOLERANCE * np.maximum(proposed, sizes)
+        sizes = proposed
+        if small[free].all():
+            converged = True
+            break
+    covariance = np.zeros_like(fisher)
+    known = free & (sizes > 0)
+    if known.any():
+        covariance[np.ix_(known, known)] = 2.0 * _pseudo_inverse(fisher[np.ix_(known, known)])
+    return VarianceComponents(sizes, covariance, bool(converged))
+
+
+def _pseudo_inverse(fisher: Array) -> Array:
+    """Inverse on the scale of correlations; components that cannot be told apart share."""
+    scale = 1.0 / np.sqrt(np.diag(fisher))
+    inverse = np.linalg.pinv(fisher * scale[:, None] * scale, rcond=1e-8, hermitian=True)
+    return inverse * scale[:, None] * scale
+
+
+def excess(groups: Sequence[Contrasts], size: int, sizes: Array, free: np.ndarray) -> Array:
+    """How strongly the residuals ask for more of each component, in standard deviations.
+
+    Rao's score test of the null hypothesis that `sizes` are right, each component by itself,
+    with the ``free`` ones that are above zero estimated beside it.
+
+    Returns
+    -------
+    (K,) array
+        About standard normal under the null hypothesis; 0 for components that act nowhere.
+    """
+    score, fisher, _ = _score(groups, size, sizes)
+    beside = np.flatnonzero(free & (sizes > 0))
+    result = np.zeros(len(sizes))
+    for k in range(len(sizes)):
+        others = beside[beside != k]
+        rest, own = score[k], fisher[k, k]
+        if others.size:
+            slope = np.linalg.solve(fisher[np.ix_(others, others)], fisher[others, k])
+            rest, own = rest - slope @ score[others], own - slope @ fisher[others, k]
+        if own > _VANISHED * fisher[k, k]:
+            result[k] = rest / np.sqrt(2.0 * own)
+    return result
+
+
+def _score(groups: Sequence[Contrasts], size: int, sizes: Array) -> tuple[Array, Array, Array]:
+    """Twice the score ``yᵀ P V_k P y − tr(P V_k)``, twice the Fisher information
+    ``tr(P V_k P V_l)``, and each component's share of the residuals' variance per unit."""
+    model = reduced_model(groups, size, sizes)
+    covariance = np.linalg.inv(model.information)
+    shift = covariance @ model.gradient
+    count = len(sizes)
+    score, scale = np.zeros(count), np.zeros(count)
+    fisher = np.zeros((count, count))
+    mixed = [np.zeros((size, size)) for _ in range(count)]
+    for place, group in enumerate(groups):
+        inverse = np.linalg.inv(group.covariance(sizes))
+        weighted = inverse @ group.by_shared
+        rest = inverse @ (group.values - group.by_shared @ shift[group.columns])[..., None]
+        own = covariance[np.ix_(group.columns, group.columns)]
+        products = {k: inverse @ part for k, part in group.variances}
+        traces = {k: np.trace(product, axis1=1, axis2=2) for k, product in products.items()}
+        for k, part in group.variances:
+            score[k] += float(np.sum(np.swapaxes(rest, 1, 2) @ part @ rest) - traces[k].sum())
+            score[k] += float(np.sum(covariance * model.shares[place, k]))
+            scale[k] = max(scale[k], float(traces[k].mean() / group.values.shape[1]))
+            mixed[k] += model.shares[place, k]
+            for other, _ in group.variances:
+                crossed = np.einsum("nij,nji->", products[k], products[other])
+                between = np.swapaxes(weighted, 1, 2) @ part @ products[other] @ weighted
+                fisher[k, other] += crossed - 2.0 * np.sum(own * between.sum(axis=0))
+    for k in range(count):
+        for other in range(count):
+            fisher[k, other] += np.sum(
+                (covariance @ mixed[k]) * (covariance @ mixed[other]).T
+            )
+    return score, 0.5 * (fisher + fisher.T), scale
