@@ -110,13 +110,6 @@ def test_noise_larger_than_stated_enlarges_the_uncertainty_and_warns() -> None:
     assert "stated noise" in two.warnings[0]
 
 
-def test_unmodelled_distortion_is_seen_in_the_residuals() -> None:
-    _, rig = simulated(0.1, distortion="radial1")
-    blind = calibrate(replace(rig, distortion="none", pixel_std=0.1))
-    assert blind.warnings
-    assert not calibrate(replace(rig, pixel_std=0.1)).warnings
-
-
 def test_every_view_is_accounted_for() -> None:
     """Names in order; observed = predicted + residual, to rounding."""
     _, rig = simulated(0.1)
@@ -226,23 +219,26 @@ def test_a_pivot_that_is_never_seen_is_refused() -> None:
         calibrate(replace(rig, observations=replace(rig.observations, camera=camera)))
 
 
-def test_a_view_that_stands_out_is_named() -> None:
-    _, rig = simulated(0.1)
+def test_a_marker_that_is_off_is_named_and_left_out() -> None:
+    truth, rig = simulated(0.1)
     uv = rig.observations.camera.uv.copy()
-    uv[7, 2] += [0.0, 8.0]
+    uv[7, 0] += [0.0, 8.0]
     camera = TargetViews(rig.observations.camera.names, uv)
     found = calibrate(replace(rig, observations=replace(rig.observations, camera=camera)))
-    assert any("camera07" in warning for warning in found.warnings)
+    assert any("marker 0 of view camera07 of stage camera" in text for text in found.warnings)
+    error = found.camera.alpha - truth.camera.alpha
+    assert abs(error) < 4 * found.covariance.std("camera.alpha")
     assert not calibrate(rig).warnings
 
 
-def test_reversed_markers_are_named() -> None:
-    _, rig = simulated()
+def test_a_view_with_reversed_markers_is_named_and_left_out() -> None:
+    truth, rig = simulated()
     uv = rig.observations.camera.uv.copy()
     uv[7] = uv[7, ::-1]
     camera = TargetViews(rig.observations.camera.names, uv)
-    with pytest.raises(InputError, match="camera07"):
-        calibrate(replace(rig, observations=replace(rig.observations, camera=camera)))
+    found = calibrate(replace(rig, observations=replace(rig.observations, camera=camera)))
+    assert any("view camera07 of stage camera" in text for text in found.warnings)
+    assert abs(found.camera.alpha - truth.camera.alpha) < 4 * found.covariance.std("camera.alpha")
 
 
 def test_the_variance_factor_of_two_step_is_that_of_the_camera_stage() -> None:

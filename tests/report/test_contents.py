@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -31,3 +33,8 @@ def test_a_row_has_a_cell_for_each_column():
 def test_only_rows_that_exist_are_highlighted(row):
     with pytest.raises(InputError, match=f"row {row} is to be highlighted, there are 2 rows"):
         Table("T", ("a",), (("x",), ("y",)), highlight=(0, row))
+
+
+def test_every_whole_piece_has_a_length(picture):
+    with pytest.raises(InputError, match="1 whole pieces and 0 lengths"):
+        replace(picture, segments=())

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from sheetoflight.model.calibration import Residuals, ViewResiduals
 from sheetoflight.report import figures
-from tests.report.examples import example_calibration
+from tests.report.examples import calibration_of_two_lasers, example_calibration
 
 GONE = np.array([[100.0, 200.0], [np.nan, np.nan], [300.0, 250.0]])
 
@@ -129,3 +129,18 @@ def test_names_are_shown_letter_by_letter():
     assert "\\u003cb\\u003e" not in shown
     assert "\\u003ca" not in shown
     assert "&lt;b&gt;s" in shown.replace("\\u0026", "&")
+
+
+def test_spots_are_drawn_apart_from_the_markers_of_their_view():
+    """A line runs along the markers, and not from the last of them back to the spot."""
+    calibration = calibration_of_two_lasers()
+    named = {trace.name: trace for trace in traces(figures.image_points(calibration))}
+    crossing = [v for v in calibration.residuals.views if v.stage == "crossing"]
+    markers = named["crossing, markers (8 views)"]
+    assert np.array_equal(points(markers), np.concatenate([v.uv[:3] for v in crossing]))
+    assert markers.mode == "lines+markers"
+    for number, laser in enumerate(("left", "right")):
+        trace = named[f"crossing, spots of {laser} (4 views)"]
+        spots = np.stack([v.uv[3 + number] for v in crossing])
+        assert np.array_equal(points(trace), spots[np.isfinite(spots).all(axis=1)])
+        assert (trace.mode, trace.marker.symbol) == ("markers", "x")

@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
+from sheetoflight.model.calibration import Residuals
 from sheetoflight.model.light_plane import LightPlane
-from sheetoflight.report.length_field import field_tables, length_field, summary
+from sheetoflight.report.length_field import field_tables, length_field, length_fields, summary
 from tests.report.examples import (
     NO_COVARIANCE,
     NOISE_PX,
+    calibration_of_two_lasers,
     example_calibration,
     facing_calibration,
 )
@@ -75,7 +79,6 @@ def test_the_headline_speaks_of_the_depths_where_targets_stood(calibration):
     assert field.depth_range_mm == (depths.min(), depths.max())
     inside = field.std_mm[:, (field.depth_mm >= depths.min()) & (field.depth_mm <= depths.max())]
     told = summary(field)
-    assert told is not None
     assert float(told.worst) == pytest.approx(np.nanmax(inside), rel=0.05)
     assert float(told.best) == pytest.approx(np.nanmin(inside), rel=0.05)
     assert float(told.worst) < 0.9 * np.nanmax(field.std_mm)
@@ -105,6 +108,21 @@ def test_a_sheet_that_the_camera_does_not_see_has_no_map():
 
 
 def test_without_covariance_there_is_no_map():
-    assert length_field(example_calibration(covariance=NO_COVARIANCE)) is None
-    assert summary(None) is None
-    assert field_tables(None) == ()
+    bare = example_calibration(covariance=NO_COVARIANCE)
+    assert length_field(bare) is None
+    assert length_fields(bare) == ()
+
+
+def test_every_sheet_has_a_map_of_its_own():
+    """The map of a laser is that of a calibration which has this laser alone."""
+    both = calibration_of_two_lasers()
+    fields = length_fields(both)
+    assert [field.laser for field in fields] == ["left", "right"]
+    for field, plane in zip(fields, both.light_planes, strict=True):
+        alone = length_field(replace(both, light_planes=(plane,), residuals=Residuals(0.1, 1.0)))
+        assert alone is not None
+        assert field.std_mm == pytest.approx(alone.std_mm, nan_ok=True)
+        assert np.isfinite(field.depth_range_mm).all()
+        inside = field.representative_std_mm
+        assert np.sum(inside < field.typical.std) <= len(inside) / 2
+        assert np.sum(inside > field.typical.std) <= len(inside) / 2

@@ -14,7 +14,13 @@ import pytest
 from sheetoflight.model.calibration import ViewResiduals
 from sheetoflight.report.contents import Table
 from sheetoflight.report.page import build_report
-from tests.report.examples import example_calibration, facing_calibration
+from tests.report.examples import (
+    NO_COVARIANCE,
+    SHARES,
+    calibration_of_two_lasers,
+    example_calibration,
+    facing_calibration,
+)
 
 HOSTILE = "<script>alert('x')</script><img src=x onerror=alert(1)>\"'&amp;</title>"
 TABLE = Table(
@@ -148,7 +154,7 @@ def test_the_headline_says_what_a_reader_asks_first(page: Page):
         "Warning. Few views reach into the corners.",
         "−1.6179 X − 0.1551 Y − 0.7216 Z + 1000 = 0",
         "options.distortion",
-        "1 piece of the line leaves the picture and has no length.",
+        "1 piece of the line leaves the picture, fades out or bends, and has neither length nor",
         "Mean absolute error.",
     ):
         assert part in words, part
@@ -156,7 +162,7 @@ def test_the_headline_says_what_a_reader_asks_first(page: Page):
 
 def test_every_figure_has_its_place_and_its_data(page: Page):
     places = [value for tag, name, value in page.attributes if (tag, name) == ("div", "id")]
-    assert len(places) == len(set(places)) == 6
+    assert len(places) == len(set(places)) == 7
     figures = page.figures()
     assert set(figures) == set(places)
     assert all(figure["data"] for figure in figures.values())
@@ -178,9 +184,12 @@ def test_hostile_names_stay_text(calibration, picture):
         provenance={HOSTILE: HOSTILE},
         light_planes=(replace(calibration.light_plane, name=HOSTILE),),
     )
+    segments = tuple(replace(one, name=HOSTILE) for one in picture.segments)
     table = Table(HOSTILE, (HOSTILE,), ((HOSTILE,),), HOSTILE)
     plain = Table("a", ("b",), (("c",),), "d")
-    attacked = Page(build_report(hostile, [replace(picture, name=HOSTILE)], [table]))
+    attacked = Page(
+        build_report(hostile, [replace(picture, name=HOSTILE, segments=segments)], [table])
+    )
     benign = Page(build_report(replace(calibration, provenance={"a": "b"}), [picture], [plain]))
     assert attacked.tags == benign.tags
     assert [HOSTILE] in attacked.cells
@@ -211,7 +220,7 @@ def test_a_report_without_pictures_tables_warnings_and_provenance(calibration):
 def test_sparse_views_make_a_page(views):
     page = Page(build_report(example_calibration(views=views)))
     assert f"1 {views[0].stage} view." in " ".join(page.text.split())
-    assert len(page.figures()) == 5
+    assert len(page.figures()) == 6
 
 
 def test_a_missing_marker_makes_no_invalid_number(calibration):
@@ -230,4 +239,73 @@ def test_a_missing_marker_makes_no_invalid_number(calibration):
 def test_a_calibration_without_views_says_so():
     page = Page(build_report(facing_calibration(2000.0)))
     assert "This calibration carries no views." in page.text
-    assert len(page.figures()) == 1
+    assert set(page.figures()) == {"figure-space", "figure-budget"}
+
+
+def test_hostile_sources_and_components_stay_text():
+    fine = calibration_of_two_lasers()
+    sources = tuple(replace(one, name=HOSTILE + one.name) for one in fine.covariance.sources)
+    names = tuple(HOSTILE + name for name in fine.covariance.components.names)
+    components = replace(fine.covariance.components, names=names)
+    covariance = replace(fine.covariance, sources=sources, components=components)
+    attacked = Page(build_report(replace(fine, covariance=covariance)))
+    assert attacked.tags["script"] == Page(build_report(fine)).tags["script"]
+    assert attacked.tags["img"] == 0
+    assert HOSTILE in attacked.text
+    assert "<script" not in json.dumps(attacked.figures())
+
+
+@pytest.fixture(scope="module")
+def page_of_two() -> Page:
+    return Page(build_report(calibration_of_two_lasers()))
+
+
+def test_every_laser_has_its_numbers(page_of_two: Page):
+    words = " ".join(page_of_two.text.split())
+    for plane in calibration_of_two_lasers().light_planes:
+        assert f"Sheet of light “{plane.name}”" in words
+        assert f"A length of 100 mm in the sheet {plane.name} is known" in words
+        assert f"{plane.name}: depth of the sheet there" in words
+        assert f"{plane.distance_mm:.2f} mm" in words
+        assert f"{plane.name}.nx" in words
+    assert "8 camera views, 10 plane views and 8 crossing views" in words
+
+
+def test_crossing_views_stand_in_the_table_of_residuals(page_of_two: Page):
+    """The noise is the same in all stages; 24 markers and 4 spots tell it to some 20 % each."""
+    rows = {row[0]: row[1:] for row in page_of_two.cells if row and row[0].startswith("crossing,")}
+    assert {title: int(cells[0]) for title, cells in rows.items()} == {
+        "crossing, markers": 8,
+        "crossing, spots of left": 4,
+        "crossing, spots of right": 4,
+    }
+    for _, rms in rows.values():
+        assert 0.03 < float(rms) < 0.2
+
+
+def test_no_number_of_the_page_is_missing(page_of_two: Page):
+    assert not re.search(r"\bnan\b|\binf\b|None", page_of_two.text, re.IGNORECASE)
+    for attributes, text in page_of_two.raw:
+        if attributes.get("type") == "application/json":
+            json.loads(text, parse_constant=pytest.fail)
+
+
+def test_sources_have_the_names_that_the_file_gives_them(page_of_two: Page):
+    """In both budgets, in the figure, and in the explanations; the length adds its own points."""
+    headings = [row for row in page_of_two.cells if row and row[0] in ("Length", "Parameter")]
+    assert [row[3:-2] for row in headings] == [[*SHARES, "image points"], list(SHARES)]
+    drawn = page_of_two.figures()["figure-budget"]
+    assert [trace["name"] for trace in drawn["data"]] == [*SHARES, "image points"]
+    components = {"pixel", "placement", "marker", "target length", "temperature"}
+    rows = [row for row in page_of_two.cells if len(row) == 7 and row[0] in components]
+    assert {row[0] for row in rows} == components
+
+
+def test_without_covariance_no_budget_is_made_up(picture):
+    page = Page(build_report(example_calibration(covariance=NO_COVARIANCE), [picture]))
+    assert "figure-budget" not in page.figures()
+    assert [row for row in page.cells if row[0] == "bar-1" and "not given" in row]
+
+
+def test_warnings_stand_above_everything_else(calibration, picture, text: str):
+    assert text.index("Few views reach into the corners") < text.index('class="card"')

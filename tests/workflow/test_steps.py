@@ -48,8 +48,8 @@ def test_pictures_become_lengths(rendered: Path) -> None:
     found = measure_pictures(calibration, list_pictures(rendered / "measure"))
     assert len(found) == len(SMALL.bars_mm)
     for picture, true_mm in zip(found, SMALL.bars_mm, strict=True):
-        (measured,) = picture.lengths
-        assert measured.segment == picture.file.name
+        (measured,) = picture.segments
+        assert measured.name == picture.file.name
         assert abs(measured.length.value - true_mm) < 4 * measured.length.std
         assert measured.length.std < 0.5
 
@@ -105,7 +105,7 @@ def test_segments_are_measured_by_name(rendered: Path, tmp_path: Path) -> None:
     table.write_text("segment,u1,v1,u2,v2,std\nrail,900,300,950,700,0.2\ngap,900,300,950,700,\n")
     calibration = calibrate_folder(rendered)
     rail, gap = measure_segments(calibration, table)
-    assert (rail.segment, gap.segment) == ("rail", "gap")
+    assert (rail.name, gap.name) == ("rail", "gap")
     assert rail.length.value == gap.length.value
     assert rail.length.std > gap.length.std
 
@@ -125,7 +125,7 @@ def test_a_single_picture_with_the_laser_on_can_be_measured(rendered: Path) -> N
     calibration = calibrate_folder(rendered)
     files = pictures_named([rendered / "measure" / "bar00_on.png"])
     (picture,) = measure_pictures(calibration, files)
-    values = [measured.length.value for measured in picture.lengths]
+    values = [measured.length.value for measured in picture.segments]
     assert min(abs(value - SMALL.bars_mm[0]) for value in values) < 1.0
 
 

@@ -42,9 +42,9 @@ class PivotImages:
     full: np.ndarray
 
     def depth(self, matrix: Array) -> float:
-        """Z_A for a camera: least squares of ``Z_A ‖K⁻¹ v‖ = 1``."""
+        """Z_A for a camera: ``Z_A ‖K⁻¹ v‖ = 1`` in the median of the views."""
         lengths = np.linalg.norm(self.slopes[self.full] @ np.linalg.inv(matrix).T, axis=1)
-        return float(1.0 / np.sqrt(np.mean(lengths**2)))
+        return float(1.0 / np.median(lengths))
 
     def directions(self, matrix: Array) -> Array:
         """t ``(N, 3)`` for a camera."""

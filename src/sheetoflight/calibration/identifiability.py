@@ -163,6 +163,15 @@ def _points_on(fit: Fit, laser: int) -> Array:
     return np.concatenate(found)
 
 
+def roughly_determined(fit: Fit) -> bool:
+    """Whether the information at the solution leaves nothing open, valleys apart."""
+    try:
+        covariance, _ = scaled_inverse(fit.model().information)
+    except np.linalg.LinAlgError:
+        return False
+    return all(weak.relative_std <= LINEAR_LIMIT for weak in _weaknesses(fit, covariance))
+
+
 def _weaknesses(fit: Fit, covariance: Array) -> list[Weakness]:
     std = np.sqrt(np.diag(covariance))
     return [

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from sheetoflight.calibration.fitting import Fit
 from sheetoflight.calibration.identifiability import require_determined, require_open_sheets
 from sheetoflight.calibration.noise import NoiseModel
 from sheetoflight.calibration.outcome import Outcome
@@ -12,8 +13,15 @@ from sheetoflight.calibration.uncertainty import influence
 from sheetoflight.model.rig import Rig
 
 
-def joint(rig: Rig, noise: NoiseModel) -> Outcome:
+def joint(rig: Rig, noise: NoiseModel, fit: Fit | None = None) -> Outcome:
     """Camera, sheets and poses from any stages that suffice together.
+
+    Parameters
+    ----------
+    rig : Rig
+    noise : NoiseModel
+    fit : Fit, optional
+        The fit of everything, where it is there already.
 
     Raises
     ------
@@ -23,7 +31,7 @@ def joint(rig: Rig, noise: NoiseModel) -> Outcome:
     stages = rig.observations.stages()
     anchor = ANCHOR if "camera" in stages else ()
     sheets = sheet_names(len(rig.lasers))
-    fit = best_fit(rig, noise, stages, (*anchor, *sheets), with_sheets, "joint")
+    fit = fit or best_fit(rig, noise, stages, (*anchor, *sheets), with_sheets, "joint")
     weak = require_determined(fit, "joint")
     require_open_sheets(fit)
     names = (*intrinsic_names(rig.free_intrinsics), *sheets)

@@ -14,6 +14,7 @@ from sheetoflight.calibration.outcome import Outcome
 from sheetoflight.calibration.paper_method import paper
 from sheetoflight.calibration.paper_plane import PaperOptions
 from sheetoflight.calibration.result import calibration_of
+from sheetoflight.calibration.screening import Screened, screened
 from sheetoflight.calibration.two_step_method import two_step
 from sheetoflight.calibration.usable_views import refuse_unusable_views
 from sheetoflight.errors import InputError
@@ -28,10 +29,13 @@ class CalibrationOptions:
     paper: PaperOptions = field(default_factory=PaperOptions)
 
 
-METHODS: Mapping[str, Callable[[Rig, NoiseModel, CalibrationOptions], Outcome]] = {
-    "joint": lambda rig, noise, _: joint(rig, noise),
-    "two-step": lambda rig, noise, _: two_step(rig, noise),
-    "paper": lambda rig, noise, options: paper(rig, noise, options.paper),
+Method = Callable[[Rig, NoiseModel, CalibrationOptions, Fit | None], Outcome]
+"""From a rig, its noise, options, and the joint fit that screened it, where there is one."""
+
+METHODS: Mapping[str, Method] = {
+    "joint": lambda rig, noise, _, fit: joint(rig, noise, fit),
+    "two-step": lambda rig, noise, _, __: two_step(rig, noise),
+    "paper": lambda rig, noise, options, _: paper(rig, noise, options.paper),
 }
 
 
@@ -64,22 +68,31 @@ def calibrate(
             f"a rig was expected, found {rig!r}", 'load it first: sol.load_rig("rig/")'
         )
     refuse_unusable_views(rig)
-    options, noise = options or CalibrationOptions(), noise_model(rig)
-    outcome = METHODS[method](rig, noise, options)
+    options = options or CalibrationOptions()
+    found = screened(rig)
+    rig, noise = found.rig, noise_model(found.rig)
+    outcome = METHODS[method](rig, noise, options, found.fit)
+    outcome = replace(outcome, warnings=(*outcome.warnings, *_warnings(found)))
     told = outcome.noise
     chi2, freedom = told.chi2, told.degrees_of_freedom
     if noise.free[PIXEL] or freedom < 1 or chi2 <= chi2_limit(freedom):
-        return calibration_of(method, rig, outcome, _chi2_per_dof(told))
+        return calibration_of(method, rig, outcome, _chi2_per_dof(told), found.findings)
     # the stated noise cannot be right: take what the residuals say
     estimated = replace(noise, free=noise.free | (np.arange(len(noise.free)) == PIXEL))
-    outcome = METHODS[method](rig, estimated, options)
+    outcome = METHODS[method](rig, estimated, options, None)
+    warnings = (*outcome.warnings, *_warnings(found))
     warning = (
         f"the residuals are {np.sqrt(chi2 / freedom):.1f} times as large as the stated noise "
         f"(chi-squared per degree of freedom {chi2 / freedom:.2f}); the uncertainties follow the "
         "residuals instead – look for a bent target, lens distortion or a wrong view"
     )
-    outcome = replace(outcome, warnings=(warning, *outcome.warnings))
-    return calibration_of(method, rig, outcome, chi2 / freedom)
+    outcome = replace(outcome, warnings=(warning, *warnings))
+    return calibration_of(method, rig, outcome, chi2 / freedom, found.findings)
+
+
+def _warnings(found: Screened) -> tuple[str, ...]:
+    left_out = tuple(f"left out as wrong: {words}" for words in found.wrong)
+    return (*left_out, *(finding.in_words for finding in found.findings))
 
 
 def _chi2_per_dof(fit: Fit) -> float:

@@ -2,21 +2,21 @@
 
 Candidates are targets turned about the fixed point into all directions, and targets laid into
 each sheet at places all over the picture. What a candidate would add to the information on the
-shared parameters follows from its predicted image; its pose is unknown and eliminated like any
-other's.
+shared parameters is predicted (`predicted_views`).
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
 from sheetoflight.calibration.noise import NoiseModel
+from sheetoflight.calibration.predicted_views import PredictedViews, predicted_views
 from sheetoflight.calibration.rig_state import RigState
 from sheetoflight.geometry.directions import Array
-from sheetoflight.model.observations import TargetViews
 from sheetoflight.model.rig import Rig
 
 _DIRECTIONS = 150
@@ -25,29 +25,8 @@ _TURNS = 8
 _VAGUE = 1.0
 """Relative standard uncertainty (radians for angles) that stands for knowing nothing."""
 
-
-@dataclass(frozen=True)
-class Candidates:
-    """Views that could be taken in one stage.
-
-    Parameters
-    ----------
-    stage : {"camera", "plane"}
-    poses : (N, k) array
-        As in `RigState.poses`.
-    laser : int
-        In whose sheet the targets lie, in stage plane.
-    information : (N, P, P) array
-        What each would add on the shared parameters.
-    points : (N, M, 3) array
-        The markers, mm, camera frame.
-    """
-
-    stage: str
-    poses: Array
-    laser: int
-    information: Array
-    points: Array
+_LEVEL_DEG = 3.0
+"""A line that runs flatter, or a target that leans less, is told as level."""
 
 
 @dataclass(frozen=True)
@@ -60,11 +39,15 @@ class NextView:
     laser : str
         In whose sheet the target is to lie, in stage plane.
     points : (M, 3) array
-        Where its markers would be, mm, camera frame.
+        Where its markers would be, in stage crossing the spot behind them; mm, camera frame.
     uv : (M, 2) array
         Where they would be seen, px.
     gain : float
-        Share of the uncertainty (a sum of relative variances) that it would take away.
+        Share of the uncertainty, as a variance, that it would take away.
+    typical_gain : float
+        The same of the median candidate.
+    predicted : PredictedViews
+        What it would tell, as one view.
     """
 
     stage: str
@@ -72,32 +55,64 @@ class NextView:
     points: Array
     uv: Array
     gain: float
+    typical_gain: float
+    predicted: PredictedViews
 
     @property
     def in_words(self) -> str:
-        """Where to hold the target, as a person can do it."""
-        first, last = self.uv[0], self.uv[-1]
-        across = np.degrees(np.arctan2(first[1] - last[1], last[0] - first[0])) % 360
-        along = self.points[-1] - self.points[0]
-        lean = np.degrees(np.arcsin(np.clip(along[2] / np.linalg.norm(along), -1, 1)))
-        side = "away from" if lean >= 0 else "towards"
-        turned = (
-            f"pointing {_direction_name(across)} in the picture ({across:.0f}° from right, "
-            f"anticlockwise) and leaning {abs(lean):.0f}° {side} the camera"
-        )
+        """Where to hold the target, as a person can do it who looks at the picture."""
+        other = len(self.uv) - (2 if self.stage == "crossing" else 1)
+        first, last = self.uv[0], self.uv[other]
+        run = running(float(last[0] - first[0]), float(last[1] - first[1]))
+        ends = f"marker 0 at {_pixel(first)}, marker {other} at {_pixel(last)}"
         if self.stage == "camera":
-            return f"turn the target about marker 0, {turned}"
-        middle = self.uv.mean(axis=0)
+            return (
+                f"turn the target about marker 0 until its image runs from marker 0 {run}, "
+                f"marker {other} at {_pixel(last)} and {self._lean(other)}"
+            )
+        if self.stage == "crossing":
+            return (
+                f"hold the target so that the sheet of {self.laser} crosses it at "
+                f"{_pixel(self.uv[-1])}: {ends}, this one {self._lean(other)}"
+            )
         return (
-            f"lay the target into the sheet of {self.laser} with its middle at pixel "
-            f"({middle[0]:.0f}, {middle[1]:.0f}), {turned}"
+            f"lay the target into the sheet of {self.laser} with its middle at "
+            f"{_pixel(0.5 * (first + last))}, its image running from marker 0 {run}: {ends}"
+        )
+
+    def _lean(self, other: int) -> str:
+        along = self.points[other] - self.points[0]
+        lean = math.degrees(math.asin(np.clip(along[2] / np.linalg.norm(along), -1, 1)))
+        if abs(lean) < _LEVEL_DEG:
+            return "as far from the camera as marker 0"
+        side, turned = ("farther from", "away from") if lean > 0 else ("nearer to", "towards")
+        return (
+            f"{abs(along[2]):.0f} mm {side} the camera than marker 0, "
+            f"the target leaning {abs(lean):.0f}° {turned} the camera"
         )
 
 
-def _direction_name(degrees: float) -> str:
-    names = ("right", "up and right", "up", "up and left", "left", "down and left", "down",
-             "down and right")  # fmt: skip
-    return names[round(degrees / 45.0) % 8]
+def _pixel(uv: Array) -> str:
+    return f"pixel ({uv[0]:.0f}, {uv[1]:.0f})"
+
+
+def running(right_px: float, down_px: float) -> str:
+    """A direction in the picture in words.
+
+    Examples
+    --------
+    >>> running(100.0, 70.0)
+    'to the right, 35° below the horizontal'
+    >>> running(-1.0, 0.0), running(0.0, -1.0)
+    ('horizontally to the left', 'straight up')
+    """
+    angle = math.degrees(math.atan2(abs(down_px), abs(right_px)))
+    side, height = ("right" if right_px >= 0 else "left"), ("below" if down_px >= 0 else "above")
+    if angle < _LEVEL_DEG:
+        return f"horizontally to the {side}"
+    if angle > 90.0 - _LEVEL_DEG:
+        return "straight down" if down_px >= 0 else "straight up"
+    return f"to the {side}, {angle:.0f}° {height} the horizontal"
 
 
 def next_view(
@@ -128,23 +143,39 @@ def next_view(
     every = list(all_candidates(rig, state, noise, parameters))
     chosen = [candidates for candidates in every if candidates.stage == stage] or every
     prior = information + np.diag(vague_information(state, parameters))
-    covariance = np.linalg.inv(prior)
-    now = float(np.sum(importance * covariance))
-    best: NextView | None = None
+    now = float(np.sum(importance * np.linalg.inv(prior)))
+    gains = []
     for candidates in chosen:
         after = np.linalg.inv(prior + candidates.information)
-        gains = 1.0 - np.einsum("ij,nij->n", importance, after) / now
-        top = int(np.argmax(gains))
-        if best is None or gains[top] > best.gain:
-            points = candidates.points[top]
-            best = NextView(
-                candidates.stage,
-                rig.lasers[candidates.laser],
-                points,
-                state.camera.project(points),
-                float(gains[top]),
-            )
-    return best
+        gains.append(1.0 - np.einsum("ij,nij->n", importance, after) / now)
+    return most_useful(rig, chosen, gains)
+
+
+def most_useful(
+    rig: Rig, candidates: Sequence[PredictedViews], gains: Sequence[Array]
+) -> NextView | None:
+    """The candidate of greatest gain; None where there is none.
+
+    Parameters
+    ----------
+    rig : Rig
+    candidates : sequence of PredictedViews
+    gains : sequence of (N,) arrays
+        Of each candidate, in the same order.
+    """
+    if not candidates:
+        return None
+    best = max(range(len(gains)), key=lambda place: float(gains[place].max()))
+    views, top = candidates[best], int(np.argmax(gains[best]))
+    return NextView(
+        views.stage,
+        rig.lasers[views.laser],
+        views.points[top],
+        views.uv[top],
+        float(gains[best][top]),
+        float(np.median(np.concatenate(gains))),
+        views.take(np.array([top])),
+    )
 
 
 def vague_information(state: RigState, parameters: Sequence[str]) -> Array:
@@ -176,49 +207,21 @@ def _distortion_size(state: RigState, part: str) -> float:
 
 
 def all_candidates(
-    rig: Rig, state: RigState, noise: NoiseModel, parameters: tuple[str, ...]
-) -> Iterator[Candidates]:
-    """Views that could be taken in each stage, all their markers in the picture."""
-    if any(name.startswith("anchor.") for name in parameters):
-        yield from _visible(rig, state, noise, parameters, "camera", _sphere(_DIRECTIONS), 0)
-    for laser in range(len(state.distances)):
-        poses = _laid_out(rig, state, laser)
-        yield from _visible(rig, state, noise, parameters, "plane", poses, laser)
-
-
-def _visible(
     rig: Rig,
     state: RigState,
     noise: NoiseModel,
     parameters: tuple[str, ...],
-    stage: str,
-    poses: Array,
-    laser: int,
-) -> Iterator[Candidates]:
-    markers = len(rig.target.markers_mm)
-    names = tuple(str(i) for i in range(len(poses)))
-    lasers = np.full(len(poses), laser)
-    everywhere = TargetViews(names, np.zeros((len(poses), markers, 2)), laser=lasers)
-    there = state.with_poses(stage, poses)
-    even = replace(noise, proportions={stage: np.ones((len(poses), markers))})
-    adjustment = even.adjustment(rig, {stage: everywhere}, parameters)
-    points = adjustment.placed(there, stage).points
-    uv = state.camera.project(points)
-    with np.errstate(invalid="ignore"):
-        inside = (uv >= 0) & (uv <= np.array(rig.image_size) - 1.0)
-    good = inside.all(axis=(1, 2)) & (points[..., 2] > 0).all(axis=1)
-    if not good.any():
-        return
-    views = TargetViews(tuple(np.array(names)[good]), uv[good], laser=lasers[good])
-    there = state.with_poses(stage, poses[good])
-    even = replace(noise, proportions={stage: np.ones((int(good.sum()), markers))})
-    adjustment = even.adjustment(rig, {stage: views}, parameters)
-    (group,) = even.contrasts(adjustment, there, {})
-    weighted = np.linalg.solve(group.covariance(noise.variances), group.by_shared)
-    own = np.swapaxes(group.by_shared, 1, 2) @ weighted
-    information = np.zeros((len(own), len(parameters), len(parameters)))
-    information[:, group.columns[:, None], group.columns] = own
-    yield Candidates(stage, poses[good], laser, information, points[good])
+) -> Iterator[PredictedViews]:
+    """Views that could be taken in each stage, all their markers in the picture."""
+    if any(name.startswith("anchor.") for name in parameters):
+        views = predicted_views(rig, state, noise, parameters, "camera", _sphere(_DIRECTIONS))
+        if len(views):
+            yield views
+    for laser in range(len(state.distances)):
+        poses = _laid_out(rig, state, laser)
+        views = predicted_views(rig, state, noise, parameters, "plane", poses, laser)
+        if len(views):
+            yield views
 
 
 def _sphere(count: int) -> Array:

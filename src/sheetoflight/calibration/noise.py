@@ -123,7 +123,7 @@ class NoiseModel:
             block = adjustment.block(state, stage, moves.get(stage, ()))
             parts = self.parts(adjustment, state, stage)
             seen = np.repeat(views.seen, 2, axis=1)
-            groups.append(contrasts(block, np.zeros_like(parts[0][1]), parts, seen))
+            groups.append(contrasts(block, parts, seen))
         return groups
 
 

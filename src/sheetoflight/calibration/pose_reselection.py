@@ -14,7 +14,12 @@ from sheetoflight.model.observations import TargetViews
 
 
 def reselected_directions(
-    camera: Camera, anchor: Array, directions: Array, views: TargetViews, positions: Array
+    camera: Camera,
+    anchor: Array,
+    directions: Array,
+    views: TargetViews,
+    positions: Array,
+    gross_px: float = np.inf,
 ) -> tuple[Array, np.ndarray]:
     """For every view the pose with the least reprojection error among all intersections.
 
@@ -29,6 +34,8 @@ def reselected_directions(
         N views.
     positions : (M,) array
         Marker positions from the fixed point, mm.
+    gross_px : float
+        Reprojection error beyond which a marker is no more wrong than at it.
 
     Returns
     -------
@@ -36,8 +43,8 @@ def reselected_directions(
     changed : (N,) mask
     """
     candidates = _candidates(camera, anchor, views, positions)
-    errors = _squared_errors(camera, anchor, candidates, views, positions)
-    now = _squared_errors(camera, anchor, directions[:, None], views, positions)[:, 0]
+    errors = _squared_errors(camera, anchor, candidates, views, positions, gross_px)
+    now = _squared_errors(camera, anchor, directions[:, None], views, positions, gross_px)[:, 0]
     best = errors.argmin(axis=1)
     rows = np.arange(len(best))
     changed = errors[rows, best] < now
@@ -57,10 +64,15 @@ def _candidates(camera: Camera, anchor: Array, views: TargetViews, positions: Ar
 
 
 def _squared_errors(
-    camera: Camera, anchor: Array, directions: Array, views: TargetViews, positions: Array
+    camera: Camera,
+    anchor: Array,
+    directions: Array,
+    views: TargetViews,
+    positions: Array,
+    gross_px: float,
 ) -> Array:
     """Sum of squared residuals ``(N, C)`` of C poses a view; infinite for impossible ones."""
     points = anchor + positions[:, None] * directions[:, :, None, :]
     errors = np.sum((camera.project(points) - views.uv[:, None]) ** 2, axis=-1)
-    errors = np.where(views.seen[:, None, :], errors, 0.0)
-    return np.nan_to_num(errors.sum(axis=-1), nan=np.inf)
+    errors = np.where(views.seen[:, None, :], np.nan_to_num(errors, nan=np.inf), 0.0)
+    return np.minimum(errors, gross_px**2).sum(axis=-1)

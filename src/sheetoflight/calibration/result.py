@@ -12,8 +12,10 @@ from sheetoflight.calibration.noise import COMPONENTS, PIXEL
 from sheetoflight.calibration.outcome import Outcome
 from sheetoflight.calibration.uncertainty import covariance_of
 from sheetoflight.errors import UntrustworthyError
+from sheetoflight.geometry.directions import Array
 from sheetoflight.model.calibration import Calibration, Residuals, ViewResiduals
 from sheetoflight.model.covariance import PLANE_PARTS, Covariance, NoiseComponents
+from sheetoflight.model.diagnosis import Finding
 from sheetoflight.model.light_plane import LightPlane
 from sheetoflight.model.rig import Rig
 
@@ -24,7 +26,9 @@ freedom exceeds that with odds below 1e-9."""
 _NO_RESIDUAL_PX = 1e-6
 
 
-def calibration_of(method: str, rig: Rig, outcome: Outcome, chi2_per_dof: float) -> Calibration:
+def calibration_of(
+    method: str, rig: Rig, outcome: Outcome, chi2_per_dof: float, findings: tuple[Finding, ...]
+) -> Calibration:
     """The calibration with its covariance, residuals and warnings.
 
     Raises
@@ -62,6 +66,7 @@ def calibration_of(method: str, rig: Rig, outcome: Outcome, chi2_per_dof: float)
             *outcome.warnings,
             *_views_that_stand_out(views),
         ),
+        findings=findings,
     )
 
 
@@ -96,9 +101,17 @@ def _view_residuals(fit: Fit) -> list[ViewResiduals]:
     return [
         ViewResiduals(stage, name, views.uv[i], residuals[stage][i], points[i])
         for stage, views in fit.adjustment.stages.items()
-        for points in [fit.adjustment.placed(fit.state, stage).points]
+        for points in [_known_points(fit, stage)]
         for i, name in enumerate(views.names)
     ]
+
+
+def _known_points(fit: Fit, stage: str) -> Array:
+    """Points of a stage in space; NaN for spots that were not seen, which have no place."""
+    points = fit.adjustment.placed(fit.state, stage).points.copy()
+    markers = len(fit.adjustment.positions)
+    points[:, markers:][~fit.adjustment.stages[stage].seen[:, markers:]] = np.nan
+    return points
 
 
 def _views_that_stand_out(views: tuple[ViewResiduals, ...]) -> tuple[str, ...]:

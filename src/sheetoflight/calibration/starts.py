@@ -172,7 +172,7 @@ def with_sheets(rig: Rig, found: Evidence, state: RigState) -> RigState:
         If a sheet's points do not give a plane, it passes through the camera, or a target
         cannot lie in it.
     """
-    state = _with_crossings(rig, state)
+    state = with_crossings(rig, state)
     lasers = range(len(rig.lasers))
     try:
         return with_planes(rig, state, [_plane(rig, found, state, laser) for laser in lasers])
@@ -184,10 +184,10 @@ def _plane(rig: Rig, found: Evidence, state: RigState, laser: int) -> tuple[Arra
     homography = found.sheets[laser]
     if homography is None:
         return _triangulated_plane(rig, state, laser)
-    return _seen_plane(found, homography, state.camera)
+    return seen_plane(found, homography, state.camera)
 
 
-def _seen_plane(found: Evidence, homography: Array, camera: Camera) -> tuple[Array, float]:
+def seen_plane(found: Evidence, homography: Array, camera: Camera) -> tuple[Array, float]:
     """The sheet from ``K⁻¹ H ~ [r1 r2 t]``: two directions in it and a point of it."""
     first, second, point = np.linalg.solve(found.pixels @ camera.matrix, homography).T
     size = 0.5 * (np.linalg.norm(first) + np.linalg.norm(second)) * np.sign(point[2])
@@ -255,7 +255,14 @@ def lying_poses(state: RigState, views: TargetViews, rig: Rig) -> Array:
     return poses
 
 
-def _with_crossings(rig: Rig, state: RigState) -> RigState:
+def with_crossings(rig: Rig, state: RigState) -> RigState:
+    """The state with the poses of crossing targets, from the paper's triangulation.
+
+    Raises
+    ------
+    UntrustworthyError
+        If a view shows fewer than three markers.
+    """
     views = rig.observations.crossing
     if not len(views):
         return state

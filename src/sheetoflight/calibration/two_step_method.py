@@ -34,9 +34,11 @@ def two_step(rig: Rig, noise: NoiseModel) -> Outcome:
     weak = (*weak, *require_determined(fit, "plane"))
     require_open_sheets(fit)
     names = intrinsic_names(rig.free_intrinsics)
-    first, second = influence(camera, names, "camera"), influence(fit, sheets, "plane")
+    joined = _joined(camera, fit)
+    told = replace(fit, size_covariance=joined.size_covariance)
+    first, second = influence(camera, names, "camera"), influence(told, sheets, "plane")
     both = chained(first, second, _slope_by_camera(rig, fit, names, sheets))
-    return Outcome(fit.state, both, (camera, fit), _joined(camera, fit), weak)
+    return Outcome(fit.state, both, (camera, fit), joined, weak)
 
 
 def _joined(camera: Fit, sheet: Fit) -> Fit:

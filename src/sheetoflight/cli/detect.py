@@ -36,5 +36,8 @@ def detect(folder: Path, /, *, json: AsJson = False) -> None:
         warn(f"{missed.stage}/{missed.view}: {missed.reason}")
     for stage, count in counts.items():
         lost = sum(missed.stage == stage for missed in detection.missed)
-        tell(f"{stage}: target found in {count} of {count + lost} pictures")
+        if stage in STAGES:
+            tell(f"{stage}: target found in {count} of {count + lost} pictures")
+        else:
+            tell(f"{stage}: {count} {'view' if count == 1 else 'views'} kept from {POINTS}")
     tell(f"written to {folder / POINTS}")

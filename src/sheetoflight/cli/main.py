@@ -26,6 +26,15 @@ Example: sol demo demo/""",
 Print it at 100 %, glue it to something stiff and straight, and measure the marker distances.
 
 Example: sol target target.pdf --markers-mm 0 100 200 --page a4""",
+    "plan": """What uncertainty of lengths to expect, before any picture is taken.
+
+Reads rig.toml with a table [plan]: focal length, angle and distance of the sheet. Tells the
+uncertainty over the field and over numbers of positions, how many reach a wanted one, and which
+position helps most next.
+
+Example: sol plan rig.toml --wanted-mm 0.1 --page plan.html
+
+Example: sol plan rig.toml --calibration calibration.json""",
     "simulate": """Render a rig folder with pictures, and the truth beside it.
 
 Example: sol simulate rig/ --seed 1 --distortion -0.1 0.05 0 0 0""",
@@ -92,9 +101,12 @@ def main(words: Sequence[str] | None = None) -> int:
     except KeyboardInterrupt:
         return _told("interrupted – nothing half-written was left", _INTERRUPTED)
     except BrokenPipeError:
-        # whoever read our output has gone; do not let the interpreter complain while closing
-        sys.stdout = None
-        return _BROKEN_PIPE
+        return _left_alone()
+    except SystemExit as end:
+        # rich ends the program by itself, and as a failure, when nobody reads its tables
+        if not isinstance(end.__context__, BrokenPipeError):
+            raise
+        return _left_alone()
     except OSError as error:
         sys.stdout = None
         return _told(
@@ -107,6 +119,12 @@ def main(words: Sequence[str] | None = None) -> int:
 def run() -> None:
     """Entry point of the installed commands."""
     sys.exit(main())
+
+
+def _left_alone() -> int:
+    """Whoever read our output has gone: keep the interpreter from complaining while closing."""
+    sys.stdout = None
+    return _BROKEN_PIPE
 
 
 def _told(message: str, status: int) -> int:

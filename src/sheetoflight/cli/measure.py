@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 from typing import Annotated
 
 from cyclopts import Parameter
+from rich.markup import escape
 
 from sheetoflight.cli.telling import (
     AsJson,
@@ -19,10 +21,11 @@ from sheetoflight.cli.telling import (
 )
 from sheetoflight.errors import InputError, UntrustworthyError
 from sheetoflight.io.segments_csv import write_lengths
+from sheetoflight.measurement.comparison import MeasuredSegment
 from sheetoflight.model.calibration import Calibration
 from sheetoflight.workflow.calibrated import load_calibration
 from sheetoflight.workflow.measured import (
-    MeasuredLength,
+    length_row,
     measure_pictures,
     measure_segments,
     pictures_named,
@@ -35,6 +38,7 @@ def measure(
     /,
     *,
     output: Annotated[Path | None, Parameter(name=("--output", "-o"))] = None,
+    laser: str | None = None,
     json: AsJson = False,
 ) -> None:
     """Lengths with their 95 % intervals.
@@ -47,6 +51,9 @@ def measure(
         One segments.csv; or pictures, pairs NAME_off.* and NAME_on.*, or a folder of these.
     output
         Where to write lengths.csv; the lengths are printed where absent.
+    laser
+        The laser that is on in the pictures, or whose sheet those segments lie on that name
+        none. Needed where the calibration has several.
     json
         Print the lengths as JSON.
     """
@@ -59,9 +66,12 @@ def measure(
             f"{len(inputs)} inputs with {tables[0].name} among them",
             "give one segments.csv, or pictures, not both",
         )
-    found = measure_segments(known, tables[0]) if tables else _in_pictures(known, inputs)
+    if tables:
+        found = measure_segments(known, tables[0], laser)
+    else:
+        found = _in_pictures(known, inputs, laser)
     if output:
-        write_lengths(output, [measured.row for measured in found])
+        write_lengths(output, map(length_row, found))
     if json:
         tell_json({"lengths": [_document(measured) for measured in found]})
     elif output:
@@ -70,11 +80,13 @@ def measure(
         _tell(found)
 
 
-def _in_pictures(calibration: Calibration, paths: list[Path]) -> list[MeasuredLength]:
+def _in_pictures(
+    calibration: Calibration, paths: list[Path], laser: str | None
+) -> list[MeasuredSegment]:
     files = pictures_named(paths)
     with on_all_cores() as run:
-        pictures = measure_pictures(calibration, files, run)
-    found = [measured for picture in pictures for measured in picture.lengths]
+        pictures = measure_pictures(calibration, files, run, laser)
+    found = [measured for picture in pictures for measured in picture.segments]
     if not found:
         raise UntrustworthyError(
             "measure",
@@ -82,7 +94,7 @@ def _in_pictures(calibration: Calibration, paths: list[Path]) -> list[MeasuredLe
             "take pictures in which both ends of the lit object are seen, with the laser on",
         )
     for picture in pictures:
-        if not picture.lengths:
+        if not picture.segments:
             seen = f"{len(picture.pieces)} pieces of the line, none with two clear ends"
             warn(
                 f"{picture.file.name}: {seen if picture.pieces else 'no laser line'}; "
@@ -91,26 +103,29 @@ def _in_pictures(calibration: Calibration, paths: list[Path]) -> list[MeasuredLe
     return found
 
 
-def _document(measured: MeasuredLength) -> dict[str, object]:
-    low, high = measured.length.interval
+def _document(measured: MeasuredSegment) -> dict[str, object]:
+    length, (low, high) = measured.length, measured.length.interval
+    freedom = length.degrees_of_freedom
     return {
-        "segment": measured.segment,
-        "length_mm": measured.length.value,
-        "std_mm": measured.length.std,
+        "segment": measured.name,
+        "laser": measured.laser,
+        "length_mm": length.value,
+        "std_mm": length.std,
         "low_mm": low,
         "high_mm": high,
-        "budget_mm": dict(measured.length.budget),
+        "degrees_of_freedom": freedom if math.isfinite(freedom) else None,
+        "budget_mm": dict(length.budget),
     }
 
 
-def _tell(found: list[MeasuredLength]) -> None:
+def _tell(found: list[MeasuredSegment]) -> None:
     table = plain_table(
         "Lengths in mm", ("segment",), ("length", "standard uncertainty", "95 % interval")
     )
     for measured in found:
         low, high = measured.length.interval
         table.add_row(
-            measured.segment,
+            escape(measured.name),
             f"{measured.length.value:.3f}",
             f"{measured.length.std:.3f}",
             f"{low:.3f} … {high:.3f}",

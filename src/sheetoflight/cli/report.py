@@ -20,6 +20,7 @@ def report(
     /,
     *,
     output: Annotated[Path, Parameter(name=("--output", "-o"))] = Path("report.html"),
+    laser: str | None = None,
 ) -> None:
     """One self-contained page: the numbers, figures to turn with the mouse, what was used.
 
@@ -31,6 +32,8 @@ def report(
         Pictures with the laser line, or a folder of these, to be measured and shown.
     output
         Where to write the page.
+    laser
+        The laser that is on in the pictures; needed where the calibration has several.
     """
     refuse_to_overwrite(output, [calibration, *(pictures or [])])
     for path in pictures or []:
@@ -40,6 +43,6 @@ def report(
             )
     known = load_calibration(calibration)
     with on_all_cores() as run:
-        measured = measure_pictures(known, pictures_named(pictures or []), run)
+        measured = measure_pictures(known, pictures_named(pictures or []), run, laser)
     write_report(output, known, measured)
     tell(f"written to {output}")

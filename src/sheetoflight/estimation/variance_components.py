@@ -1,7 +1,7 @@
 """How large the noise is, where it has several sources: restricted maximum likelihood.
 
 The residuals of many small groups share some parameters and have covariance
-``V = fixed + Σ θ_k V_k``. Each group's own parameters are eliminated by contrasts, combinations
+``V = Σ θ_k V_k``. Each group's own parameters are eliminated by contrasts, combinations
 of its residuals that they do not move; what is left is a linear model of the shared parameters
 alone, whose residual likelihood gives the θ_k without the bias that ignoring the estimated
 parameters would bring: H. D. Patterson and R. Thompson, Biometrika 58(3), 1971. The iteration is
@@ -38,25 +38,30 @@ class Contrasts:
     by_shared : (N, m, s) array
     columns : (s,) int array
         Which of all shared parameters those are.
-    fixed : (N, m, m) array
-        Covariance that is known.
+    unseen : (N, m, m) array
+        Projector on combinations of residuals that were not observed.
     variances : tuple of (int, (N, m, m) array)
         The component and its V_k.
+    across : (N, m, r) array
+        From a group's r residuals to its m contrasts.
     """
 
     values: Array
     by_shared: Array
     columns: np.ndarray
-    fixed: Array
+    unseen: Array
     variances: tuple[tuple[int, Array], ...]
+    across: Array
 
     def covariance(self, sizes: Array) -> Array:
-        """V ``(N, m, m)`` for component variances θ."""
-        return self.fixed + sum(sizes[k] * part for k, part in self.variances)
+        """V ``(N, m, m)`` for component variances θ. What was not observed gets a variance of
+        the others' size: it is 0 and moves with nothing, so that any will do."""
+        observed = sum(sizes[k] * part for k, part in self.variances)
+        return observed + float(np.max(observed, initial=0.0)) * self.unseen
 
 
 def contrasts(
-    block: Block, fixed: Array, variances: Sequence[tuple[int, Array]], seen: np.ndarray
+    block: Block, variances: Sequence[tuple[int, Array]], seen: np.ndarray
 ) -> Contrasts:
     """Eliminate the groups' own parameters.
 
@@ -64,26 +69,21 @@ def contrasts(
     ----------
     block : Block
         Residuals in their own unit, neither weighted nor whitened; 0 where nothing was observed.
-    fixed : (N, r, r) array
-        Known covariance of a group's residuals.
     variances : sequence of (int, (N, r, r) array)
         Components and their V_k.
     seen : (N, r) mask
-        Residuals that were observed. The others get a known variance of their own, so that
-        they say nothing.
+        Residuals that were observed.
     """
     local = block.by_local.shape[-1]
     basis = np.linalg.qr(block.by_local, mode="complete")[0][..., local:]
     across = np.swapaxes(basis, 1, 2)
-    fixed = fixed.copy()
-    places = np.arange(fixed.shape[-1])
-    fixed[:, places, places] += np.where(seen, 0.0, 1.0)
     return Contrasts(
         values=(across @ block.residuals[..., None])[..., 0],
         by_shared=across @ block.by_shared,
         columns=block.columns,
-        fixed=across @ fixed @ basis,
+        unseen=across @ (np.where(seen, 0.0, 1.0)[..., None] * basis),
         variances=tuple((k, across @ part @ basis) for k, part in variances),
+        across=across,
     )
 
 
@@ -99,14 +99,11 @@ class ReducedModel:
         ``Σ Xᵀ V⁻¹ y``.
     shares : mapping from (block, component) to (P, P) array
         ``Σ Xᵀ V⁻¹ V_k V⁻¹ X``: what the component's noise in that block does to the gradient.
-    known : tuple of (P, P) arrays
-        The same for each block's fixed covariance.
     """
 
     information: Array
     gradient: Array
     shares: dict[tuple[int, int], Array]
-    known: tuple[Array, ...]
 
 
 def reduced_model(groups: Sequence[Contrasts], size: int, sizes: Array) -> ReducedModel:
@@ -118,7 +115,7 @@ def reduced_model(groups: Sequence[Contrasts], size: int, sizes: Array) -> Reduc
         If a covariance is singular.
     """
     information, gradient = np.zeros((size, size)), np.zeros(size)
-    shares, known = {}, []
+    shares = {}
     for place, group in enumerate(groups):
         weighted = np.linalg.solve(group.covariance(sizes), group.by_shared)
         turned = np.swapaxes(weighted, 1, 2)
@@ -127,8 +124,7 @@ def reduced_model(groups: Sequence[Contrasts], size: int, sizes: Array) -> Reduc
         gradient[group.columns] += np.sum(turned @ group.values[..., None], axis=0)[:, 0]
         for k, part in group.variances:
             shares[place, k] = _embedded(np.sum(turned @ part @ weighted, axis=0), at, size)
-        known.append(_embedded(np.sum(turned @ group.fixed @ weighted, axis=0), at, size))
-    return ReducedModel(information, gradient, shares, tuple(known))
+    return ReducedModel(information, gradient, shares)
 
 
 def _embedded(matrix: Array, at: tuple[np.ndarray, ...], size: int) -> Array:

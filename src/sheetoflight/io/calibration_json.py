@@ -21,6 +21,7 @@ from sheetoflight.io.calibration_schema import (
 )
 from sheetoflight.io.covariance_json import covariance_document, covariance_from
 from sheetoflight.io.documents import json_text, read_json
+from sheetoflight.io.monte_carlo_json import monte_carlo_document, monte_carlo_from
 from sheetoflight.io.quoting import one_line, shown
 from sheetoflight.io.reading import naming
 from sheetoflight.io.schema import validated
@@ -45,6 +46,7 @@ def calibration_text(calibration: Calibration) -> str:
         If a number is not finite, or the provenance holds what JSON cannot say.
     """
     camera, target, residuals = calibration.camera, calibration.target, calibration.residuals
+    monte_carlo = calibration.monte_carlo
     return json_text(
         {
             "format": FORMAT,
@@ -67,6 +69,7 @@ def calibration_text(calibration: Calibration) -> str:
                 "chi2_per_dof": residuals.chi2_per_dof,
                 "views": [_view_document(view) for view in residuals.views],
             },
+            **({"monte_carlo": monte_carlo_document(monte_carlo)} if monte_carlo else {}),
             "warnings": calibration.warnings,
             "provenance": calibration.provenance,
         }
@@ -135,6 +138,7 @@ def _calibration(content: CalibrationDocument) -> Calibration:
         pixel_std=residuals.rms_px if content.pixel_std is None else content.pixel_std,
         warnings=tuple(content.warnings),
         provenance=content.provenance,
+        monte_carlo=monte_carlo_from(content.monte_carlo) if content.monte_carlo else None,
     )
 
 

@@ -97,12 +97,49 @@ class ResidualsPart(_Part):
     views: list[ViewPart] = []
 
 
+class PropagatedPart(_Part):
+    """An entry of ``monte_carlo.parameters``: one quantity, by Monte Carlo and as stated."""
+
+    name: _Name
+    value: float
+    mean_shift: float
+    std: Annotated[float, Field(ge=0)]
+    low: float
+    high: float
+    analytic_std: Annotated[float, Field(gt=0)]
+    analytic_low: float
+    analytic_high: float
+    coverage: Annotated[float, Field(ge=0, le=1)]
+    std_ratio_std: Annotated[float, Field(ge=0)]
+    width_ratio_std: Annotated[float, Field(ge=0)]
+    coverage_std: Annotated[float, Field(ge=0)]
+
+
+class PropagatedLengthPart(PropagatedPart):
+    """An entry of ``monte_carlo.lengths``: between two image points ``uv``."""
+
+    laser: _Name
+    uv: Annotated[list[_Two], Field(min_length=2, max_length=2)]
+
+
+class MonteCarloPart(_Part):
+    """``monte_carlo``: the rig re-simulated and calibrated again, many times."""
+
+    trials: Annotated[int, Field(ge=1)]
+    refused: Annotated[int, Field(ge=0)]
+    first_refusal: str = ""
+    seed: Annotated[int, Field(ge=0)]
+    parameters: list[PropagatedPart]
+    lengths: list[PropagatedLengthPart]
+
+
 class CalibrationDocument(_Part):
     """The whole file, its ``format`` and ``version`` checked before.
 
     What this package writes beyond the documented keys may be missing: ``target`` (then its
-    tolerance is not in the uncertainty), ``pixel_std`` (then ``rms_px``), ``warnings``, and of
-    ``covariance`` its ``sources`` and ``noise`` (then what it comes from is not known).
+    tolerance is not in the uncertainty), ``pixel_std`` (then ``rms_px``), ``warnings``,
+    ``monte_carlo`` (then none was made), and of ``covariance`` its ``sources`` and ``noise``
+    (then what it comes from is not known).
     """
 
     method: _Name
@@ -114,3 +151,4 @@ class CalibrationDocument(_Part):
     residuals: ResidualsPart
     warnings: list[str] = []
     provenance: dict[str, Any] = {}
+    monte_carlo: MonteCarloPart | None = None

@@ -13,9 +13,11 @@ from pydantic import Field
 
 from sheetoflight.errors import FileError, InputError
 from sheetoflight.io.atomic import write_whole
+from sheetoflight.io.plan_table import PlanTable, SheetTable, planned_geometry
 from sheetoflight.io.quoting import file_name, one_line, shown
 from sheetoflight.io.reading import naming, read_text
 from sheetoflight.io.schema import StrictModel, validated
+from sheetoflight.model.nominal import NominalGeometry
 from sheetoflight.model.observations import Observations
 from sheetoflight.model.rig import Rig
 from sheetoflight.model.target import CollinearTarget, MarkerKind
@@ -55,7 +57,7 @@ class _Camera(StrictModel):
     skew: bool = Rig.skew
 
 
-class _Laser(StrictModel):
+class _Laser(SheetTable):
     name: str
 
 
@@ -72,6 +74,7 @@ class _RigDocument(StrictModel):
         default_factory=lambda: [_Laser(name=name) for name in Rig.lasers]
     )
     noise: _Noise = _Noise()
+    plan: PlanTable | None = None
 
 
 @dataclass(frozen=True)
@@ -94,6 +97,8 @@ class RigFile:
         Names of the sheets of light.
     path : str
         The file it was read from.
+    plan : NominalGeometry or None
+        How the rig is meant to be built; None where the file does not say.
     """
 
     target: CollinearTarget
@@ -104,6 +109,7 @@ class RigFile:
     placement_std: float | None
     lasers: tuple[str, ...]
     path: str
+    plan: NominalGeometry | None = None
 
     def rig(
         self, observations: Observations | None = None, picture_size: tuple[int, int] | None = None
@@ -174,6 +180,7 @@ def read_rig_toml(path: str | Path) -> RigFile:
             placement_std=noise.placement_std_mm,
             lasers=_laser_names([laser.name for laser in content.laser]),
             path=str(path),
+            plan=planned_geometry(content.plan, [(laser.name, laser) for laser in content.laser]),
         )
 
 

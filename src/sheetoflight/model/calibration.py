@@ -13,7 +13,9 @@ from sheetoflight.errors import InputError
 from sheetoflight.geometry.directions import Array
 from sheetoflight.model.camera import Camera
 from sheetoflight.model.covariance import Covariance
+from sheetoflight.model.diagnosis import Finding
 from sheetoflight.model.light_plane import LightPlane
+from sheetoflight.model.monte_carlo import MonteCarlo
 from sheetoflight.model.target import CollinearTarget
 
 if TYPE_CHECKING:
@@ -76,8 +78,12 @@ class Calibration:
         Standard uncertainty of a marker's image coordinate, px, given or estimated.
     warnings : tuple of str
         What a careful user should know before trusting the numbers.
+    findings : tuple of Finding
+        What the residuals point to, where they are larger than noise.
     provenance : mapping
         What was used to get them: files, versions, options.
+    monte_carlo : MonteCarlo, optional
+        What re-simulated calibrations say of the covariance, where that was asked for.
     """
 
     method: str
@@ -88,7 +94,9 @@ class Calibration:
     target: CollinearTarget | None
     pixel_std: float
     warnings: tuple[str, ...] = ()
+    findings: tuple[Finding, ...] = ()
     provenance: Mapping[str, Any] = field(default_factory=dict)
+    monte_carlo: MonteCarlo | None = None
 
     def __post_init__(self) -> None:
         if not self.light_planes:

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from sheetoflight.errors import InputError
+from sheetoflight.measurement.comparison import MeasuredSegment
 from sheetoflight.model.line_piece import LinePiece
 
 
@@ -23,17 +24,24 @@ class MeasuredPicture:
         The pixels that belong to the laser line.
     pieces : tuple of LinePiece
         The pieces of the line that were found.
+    segments : tuple of MeasuredSegment
+        The lengths of the whole pieces, in the order of `pieces`.
+    laser : str, optional
+        In whose sheet the line lies; may be left out where there is one laser.
 
     Raises
     ------
     InputError
-        If the picture is not grey with 8 or 16 bit, or the binary picture has another size.
+        If the picture is not grey with 8 or 16 bit, the binary picture has another size, or
+        there is not one length for each whole piece.
     """
 
     name: str
     image: np.ndarray
     binary: np.ndarray | None = None
     pieces: tuple[LinePiece, ...] = ()
+    segments: tuple[MeasuredSegment, ...] = ()
+    laser: str | None = None
 
     def __post_init__(self) -> None:
         if self.image.ndim != 2 or self.image.dtype not in (np.uint8, np.uint16):
@@ -46,6 +54,12 @@ class MeasuredPicture:
                 f"picture {self.name}: the binary picture has shape {self.binary.shape}, the "
                 f"picture {self.image.shape}",
                 "give both at the same size",
+            )
+        whole = sum(piece.whole for piece in self.pieces)
+        if len(self.segments) != whole:
+            raise InputError(
+                f"picture {self.name} has {whole} whole pieces and {len(self.segments)} lengths",
+                "give the length of each whole piece",
             )
 
 

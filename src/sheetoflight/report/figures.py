@@ -10,8 +10,10 @@ import numpy as np
 import plotly.graph_objects as go
 
 from sheetoflight.geometry.directions import Array
-from sheetoflight.model.calibration import Calibration, ViewResiduals
+from sheetoflight.model.calibration import Calibration
+from sheetoflight.report.budget import Budget, sources_of
 from sheetoflight.report.numbers import two_digits
+from sheetoflight.report.point_groups import PointGroup, point_groups, stages_of
 
 STAGE_COLOURS = {
     "camera": "#3b82c4",
@@ -20,10 +22,22 @@ STAGE_COLOURS = {
     "board": "#1f9d78",
 }
 OTHER_COLOUR = "#8a7fb8"
+SHEET_COLOURS = ("#e0453a", "#3f8f3f", "#8e5bd0", "#0f8aa8")
 NEUTRAL = "#808890"
+SOURCE_COLOURS = {
+    "camera": STAGE_COLOURS["camera"],
+    "sheet": STAGE_COLOURS["plane"],
+    "crossing": STAGE_COLOURS["crossing"],
+    "placement": "#a2426b",
+    "target length": STAGE_COLOURS["board"],
+    "temperature": "#6b8e23",
+    "image points": "#7d8791",
+    "calibration": STAGE_COLOURS["camera"],
+}
 
 _ARROW_SHARE = 0.03
 _OVERVIEW_MARGIN = 0.05
+_LEAST_LABELLED = 4.0
 
 
 def stage_colour(stage: str) -> str:
@@ -31,9 +45,17 @@ def stage_colour(stage: str) -> str:
     return STAGE_COLOURS.get(stage, OTHER_COLOUR)
 
 
-def stages_of(views: Sequence[ViewResiduals]) -> tuple[str, ...]:
-    """The stages that occur, in the order of their first view."""
-    return tuple(dict.fromkeys(view.stage for view in views))
+def sheet_colour(laser: int) -> str:
+    """One colour for a sheet of light in all figures."""
+    return SHEET_COLOURS[laser % len(SHEET_COLOURS)]
+
+
+def group_colour(group: PointGroup) -> str:
+    """Targets have the colour of their stage, spots and the targets in further sheets that of
+    their sheet."""
+    if group.laser is None or (group.laser == 0 and group.kind == "markers"):
+        return stage_colour(group.stage)
+    return sheet_colour(group.laser)
 
 
 def label(text: str) -> str:
@@ -42,24 +64,35 @@ def label(text: str) -> str:
 
 
 def image_points(calibration: Calibration) -> go.Figure:
-    """Image points of the markers of every view, in the picture's frame (the paper's Fig. 4)."""
+    """Image points of markers and spots of every view, in the picture's frame (the paper's
+    Fig. 4)."""
     figure = go.Figure()
-    views = calibration.residuals.views
-    for stage in stages_of(views):
-        of_stage = [view for view in views if view.stage == stage]
-        uv, names = joined([v.uv for v in of_stage], [v.view for v in of_stage])
+    for group in point_groups(calibration):
+        uv, names = joined(group.uv, group.views)
+        colour = group_colour(group)
+        spots = group.kind == "spots"
         figure.add_scatter(
             x=uv[:, 0],
             y=uv[:, 1],
-            mode="lines+markers",
-            name=f"{label(stage)} ({len(of_stage)} views)",
+            mode="markers" if spots else "lines+markers",
+            name=counted(group),
             text=names,
-            line={"color": stage_colour(stage), "width": 0.8},
-            marker={"color": stage_colour(stage), "size": 5},
+            line={"color": colour, "width": 0.8},
+            marker={"color": colour, "size": 8 if spots else 5, "symbol": symbol(group)},
             hovertemplate="%{text}<br>u %{x:.2f}, v %{y:.2f} px<extra></extra>",
         )
-    _frame_of_picture(figure, calibration.camera.image_size)
+    frame_of_picture(figure, calibration.camera.image_size)
     return figure
+
+
+def counted(group: PointGroup) -> str:
+    """A group's title with the number of its views, for a legend."""
+    return f"{label(group.title)} ({len(group)} {'view' if len(group) == 1 else 'views'})"
+
+
+def symbol(group: PointGroup) -> str:
+    """Spots are crosses in all figures, markers dots."""
+    return "x" if group.kind == "spots" else "circle"
 
 
 def residual_bars(calibration: Calibration) -> go.Figure:
@@ -91,23 +124,22 @@ def residual_bars(calibration: Calibration) -> go.Figure:
 
 def residual_arrows(calibration: Calibration) -> go.Figure:
     """Residuals as arrows over the picture, enlarged by a round factor that is stated."""
-    views = calibration.residuals.views
     width = calibration.camera.image_size[0]
     factor = round_factor(_ARROW_SHARE * width, calibration.residuals.rms_px)
     figure = go.Figure()
-    for stage in stages_of(views):
-        uv = np.concatenate([view.uv for view in views if view.stage == stage])
-        residuals = np.concatenate([view.residuals for view in views if view.stage == stage])
+    for group in point_groups(calibration):
+        uv, residuals = np.concatenate(group.uv), np.concatenate(group.residuals)
         seen = np.isfinite(uv).all(axis=1) & np.isfinite(residuals).all(axis=1)
         uv, tips = uv[seen], uv[seen] + factor * residuals[seen]
         shafts = np.stack([uv, tips, np.full_like(uv, np.nan)], axis=1).reshape(-1, 2)
+        colour = group_colour(group)
         figure.add_scatter(
             x=shafts[:, 0],
             y=shafts[:, 1],
             mode="lines",
-            name=label(stage),
-            legendgroup=stage,
-            line={"color": stage_colour(stage), "width": 1.3},
+            name=label(group.title),
+            legendgroup=group.title,
+            line={"color": colour, "width": 1.3},
             hoverinfo="skip",
         )
         figure.add_scatter(
@@ -115,12 +147,12 @@ def residual_arrows(calibration: Calibration) -> go.Figure:
             y=uv[:, 1],
             mode="markers",
             showlegend=False,
-            legendgroup=stage,
-            marker={"color": stage_colour(stage), "size": 4},
+            legendgroup=group.title,
+            marker={"color": colour, "size": 5, "symbol": symbol(group)},
             customdata=residuals[seen],
             hovertemplate="du %{customdata[0]:.3g}, dv %{customdata[1]:.3g} px<extra></extra>",
         )
-    _frame_of_picture(figure, calibration.camera.image_size)
+    frame_of_picture(figure, calibration.camera.image_size)
     figure.update_xaxes(title=f"u, px – residuals enlarged {factor:g} times")
     return figure
 
@@ -128,17 +160,16 @@ def residual_arrows(calibration: Calibration) -> go.Figure:
 def residual_scatter(calibration: Calibration) -> go.Figure:
     """Both components of every residual, with circles at 1, 2 and 3 times the noise."""
     figure = go.Figure()
-    views = calibration.residuals.views
-    for stage in stages_of(views):
-        of_stage = [view for view in views if view.stage == stage]
-        points, names = joined([v.residuals for v in of_stage], [v.view for v in of_stage])
+    for group in point_groups(calibration):
+        points, names = joined(group.residuals, group.views)
+        colour = group_colour(group)
         figure.add_scatter(
             x=points[:, 0],
             y=points[:, 1],
             mode="markers",
-            name=label(stage),
+            name=label(group.title),
             text=names,
-            marker={"color": stage_colour(stage), "size": 5, "opacity": 0.75},
+            marker={"color": colour, "size": 5, "opacity": 0.75, "symbol": symbol(group)},
             hovertemplate="%{text}<br>du %{x:.3g}, dv %{y:.3g} px<extra></extra>",
         )
     for multiple in (1, 2, 3):
@@ -151,10 +182,47 @@ def residual_scatter(calibration: Calibration) -> go.Figure:
             y1=radius,
             line={"color": NEUTRAL, "width": 1, "dash": "dot"},
         )
-    reach = _reach([view.residuals for view in views], calibration.pixel_std)
+    residuals = [view.residuals for view in calibration.residuals.views]
+    reach = _reach(residuals, calibration.pixel_std)
     figure.update_xaxes(title="du, px", zeroline=True, range=[-reach, reach])
     figure.update_yaxes(title="dv, px", zeroline=True, range=[reach, -reach])
     _equal_scales(figure)
+    return figure
+
+
+def budget_bars(budgets: Sequence[Budget]) -> go.Figure:
+    """One bar for each budget: the sources' shares of its variance in per cent."""
+    figure = go.Figure()
+    places = list(range(len(budgets)))
+    for source in sources_of(budgets):
+        having = [place for place in places if source in dict(budgets[place].shares)]
+        percent = [100.0 * budgets[place].part(source) for place in having]
+        figure.add_bar(
+            x=percent,
+            y=having,
+            orientation="h",
+            name=label(source),
+            marker={"color": SOURCE_COLOURS.get(source, OTHER_COLOUR)},
+            text=[f"{part:.0f}" if part >= _LEAST_LABELLED else "" for part in percent],
+            textposition="inside",
+            insidetextanchor="middle",
+            textangle=0,
+            hovertext=[
+                f"{label(budgets[place].name)}: {dict(budgets[place].shares)[source]:.2g} "
+                f"{budgets[place].unit}"
+                for place in having
+            ],
+            hovertemplate=f"%{{hovertext}}, %{{x:.1f}} % from {label(source)}<extra></extra>",
+        )
+    figure.update_layout(barmode="stack", bargap=0.35, legend={"traceorder": "normal"})
+    figure.update_xaxes(title="share of the variance, %", range=[0, 100], zeroline=False)
+    figure.update_yaxes(
+        tickvals=places,
+        ticktext=[label(budget.name) for budget in budgets],
+        range=[len(budgets) - 0.5, -0.5],
+        showgrid=False,
+        zeroline=False,
+    )
     return figure
 
 
@@ -173,7 +241,8 @@ def joined(groups: Sequence[Array], names: Sequence[str]) -> tuple[Array, list[s
     return np.concatenate(rows), texts
 
 
-def _frame_of_picture(figure: go.Figure, image_size: tuple[int, int]) -> None:
+def frame_of_picture(figure: go.Figure, image_size: tuple[int, int]) -> None:
+    """Axes u and v in px, v down, with square pixels and the picture's outline."""
     width, height = image_size
     margin = _OVERVIEW_MARGIN * max(width, height)
     figure.add_shape(

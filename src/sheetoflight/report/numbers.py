@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from sheetoflight.geometry.directions import Array, normalised
+from sheetoflight.measurement.triangulation import triangulate
 from sheetoflight.model.calibration import Calibration
 from sheetoflight.model.covariance import Covariance
 from sheetoflight.model.light_plane import LightPlane
@@ -55,13 +56,28 @@ def rounded(value: float, std: float) -> tuple[str, str]:
     """
     if not (math.isfinite(std) and std > 0):
         return f"{value:.7g}", f"{std:g}"
-    decimals = min(max(1 - math.floor(math.log10(std)), 0), _MOST_DECIMALS)
-    return f"{value:.{decimals}f}", f"{std:.{decimals}f}"
+    places = decimals(std)
+    return f"{value:.{places}f}", f"{std:.{places}f}"
+
+
+def decimals(std: float) -> int:
+    """Decimal places that show a standard uncertainty to its second digit; 0 where it is 0."""
+    if not (math.isfinite(std) and std > 0):
+        return 0
+    return min(max(1 - math.floor(math.log10(std)), 0), _MOST_DECIMALS)
 
 
 def two_digits(std: float) -> str:
     """A standard uncertainty to its second digit."""
     return rounded(std, std)[1]
+
+
+def parameter_unit(name: str) -> str:
+    """Unit of a parameter of a covariance, "" where it is one."""
+    owner, _, part = name.rpartition(".")
+    if owner == "camera":
+        return _CAMERA_MEANING[part][2] if part in _CAMERA_MEANING else ""
+    return "mm" if part == "d" else ""
 
 
 def camera_quantities(calibration: Calibration) -> tuple[Quantity, ...]:
@@ -108,21 +124,34 @@ def paper_equation(plane: LightPlane) -> str:
 
 
 def view_quantities(calibration: Calibration) -> tuple[Quantity, ...]:
-    """What the camera sees: its angles, and the sheet's pixels in mm at the picture's middle."""
+    """What the camera sees: its angles, and each sheet's pixels in mm at the picture's middle."""
     width, height = calibration.camera.image_size
     u, v = (width - 1) / 2, (height - 1) / 2
     across = _angle(calibration, (-0.5, v), (width - 0.5, v))
     down = _angle(calibration, (u, -0.5), (u, height - 0.5))
-    by_u = calibration.triangulate(np.array([[u - 0.5, v], [u + 0.5, v]]))
-    by_v = calibration.triangulate(np.array([[u, v - 0.5], [u, v + 0.5]]))
-    middle = calibration.triangulate(np.array([u, v]))
-    return (
+    rows = [
         Quantity("", "field of view, horizontal", _finite(across, ".2f"), "", "°"),
         Quantity("", "field of view, vertical", _finite(down, ".2f"), "", "°"),
-        Quantity("Z", "depth of the sheet there", _finite(float(middle[2]), ".1f"), "", "mm"),
-        Quantity("", "one pixel along u there", _finite(_distance(by_u), ".4f"), "", "mm"),
-        Quantity("", "one pixel along v there", _finite(_distance(by_v), ".4f"), "", "mm"),
-    )
+    ]
+    several = len(calibration.light_planes) > 1
+    for plane in calibration.light_planes:
+        laser = f"{plane.name}: " if several else ""
+        by_u, by_v, depth = _middle_of_picture(calibration, plane, u, v)
+        rows += [
+            Quantity("Z", f"{laser}depth of the sheet there", _finite(depth, ".1f"), "", "mm"),
+            Quantity("", f"{laser}one pixel along u there", _finite(by_u, ".4f"), "", "mm"),
+            Quantity("", f"{laser}one pixel along v there", _finite(by_v, ".4f"), "", "mm"),
+        ]
+    return tuple(rows)
+
+
+def _middle_of_picture(
+    calibration: Calibration, plane: LightPlane, u: float, v: float
+) -> tuple[float, float, float]:
+    """A pixel's size on the sheet along u and along v, and the sheet's depth; mm."""
+    pixels = np.array([[u - 0.5, v], [u + 0.5, v], [u, v - 0.5], [u, v + 0.5], [u, v]])
+    xyz = triangulate(calibration, pixels, plane.name)
+    return _distance(xyz[:2]), _distance(xyz[2:4]), float(xyz[4, 2])
 
 
 def noise_in_words(calibration: Calibration) -> str:

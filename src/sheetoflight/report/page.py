@@ -2,21 +2,19 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
-from functools import cache
-
-import numpy as np
-from jinja2 import Environment, PackageLoader, StrictUndefined
-from markupsafe import Markup
-from plotly.offline import get_plotlyjs
 
 from sheetoflight.model.calibration import Calibration
 from sheetoflight.report import numbers
+from sheetoflight.report.budget import Budget, budget_table, length_budget, parameter_budgets
 from sheetoflight.report.contents import MeasuredPicture, Table
-from sheetoflight.report.figures import stages_of
-from sheetoflight.report.length_field import field_tables, length_field, summary
+from sheetoflight.report.environment import environment
+from sheetoflight.report.length_field import LengthField, field_tables, length_fields, summary
+from sheetoflight.report.noise import noise_origin, noise_rows
 from sheetoflight.report.picture_block import picture_blocks
-from sheetoflight.report.plots import calibration_plots, residual_plots
+from sheetoflight.report.plots import budget_plot, calibration_plots, residual_plots
+from sheetoflight.report.point_groups import point_groups, stages_of
 
 
 def build_report(
@@ -33,8 +31,7 @@ def build_report(
     ----------
     calibration : Calibration
     pictures : sequence of MeasuredPicture
-        Pictures of the calibrated camera; the length of every whole piece of the laser line
-        is measured.
+        Pictures of the calibrated camera with the lengths that were measured in them.
     tables : sequence of Table
         Shown as they are given.
 
@@ -46,19 +43,28 @@ def build_report(
     Raises
     ------
     InputError
-        If a picture has another size than the calibrated camera's, or an end of a whole piece
-        does not lie on the sheet of light.
+        If a picture has another size than the calibrated camera's.
     """
-    field = length_field(calibration)
+    fields = length_fields(calibration)
+    budgets = _length_budgets(calibration, fields, pictures)
+    covariance = calibration.covariance
+    known = bool(covariance.parameters)
     return (
-        _environment()
+        environment()
         .get_template("page.html")
         .render(
             calibration=calibration,
-            noise=numbers.noise_in_words(calibration),
+            several=len(calibration.light_planes) > 1,
+            noise_words=numbers.noise_in_words(calibration),
+            noise=noise_rows(calibration),
+            pixel_origin=noise_origin(calibration, "pixel"),
+            placement=_placement(calibration),
             stages=_stage_counts(calibration),
-            field=summary(field),
-            field_tables=field_tables(field),
+            groups=_group_counts(calibration),
+            fields=[(summary(field), field_tables(field)) for field in fields],
+            budget=budget_table(budgets, known),
+            budget_plot=budget_plot(budgets) if known else None,
+            parameters=budget_table(parameter_budgets(covariance)) if known else None,
             camera=numbers.camera_quantities(calibration),
             planes=[
                 (p.name, numbers.plane_quantities(calibration, p), numbers.paper_equation(p))
@@ -70,42 +76,50 @@ def build_report(
             pictures=picture_blocks(calibration, pictures),
             tables=tables,
             provenance=tuple(numbers.flat(calibration.provenance)),
-            plotly_js=Markup(_plotly_js()),
         )
     )
 
 
-@cache
-def _environment() -> Environment:
-    environment = Environment(
-        loader=PackageLoader("sheetoflight.report"),
-        autoescape=True,
-        undefined=StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-    )
-    environment.filters["cell"] = _cell_text
-    environment.filters["two_digits"] = numbers.two_digits
-    return environment
+def _length_budgets(
+    calibration: Calibration,
+    fields: Sequence[LengthField],
+    pictures: Sequence[MeasuredPicture],
+) -> list[Budget]:
+    """Of an expected length in each sheet, then of every measured one."""
+    several = len(calibration.light_planes) > 1
+    expected = [
+        length_budget(
+            f"{field.length_mm:g} mm in the sheet{f' {field.laser}' if several else ''}, median",
+            field.typical,
+        )
+        for field in fields
+    ]
+    measured = [
+        length_budget(segment.name, segment.length)
+        for picture in pictures
+        for segment in picture.segments
+    ]
+    return [*expected, *measured]
 
 
-@cache
-def _plotly_js() -> str:
-    return get_plotlyjs()
+def _placement(calibration: Calibration) -> str:
+    """The estimated placement error in mm, "" where there is none."""
+    components = calibration.covariance.components
+    if "placement" not in components.names:
+        return ""
+    return numbers.two_digits(components.std[components.names.index("placement")])
 
 
-def _stage_counts(calibration: Calibration) -> list[tuple[str, int, str]]:
-    """Name, number of views and rms residual of each stage."""
+def _stage_counts(calibration: Calibration) -> list[tuple[str, int]]:
+    """Name and number of views of each stage."""
     views = calibration.residuals.views
-    counts = []
-    for stage in stages_of(views):
-        of_stage = [view.residuals for view in views if view.stage == stage]
-        residuals = np.concatenate(of_stage)
-        seen = residuals[np.isfinite(residuals)]
-        rms = numbers.two_digits(float(np.sqrt(np.mean(seen**2)))) if seen.size else "–"
-        counts.append((stage, len(of_stage), rms))
-    return counts
+    return [(stage, sum(v.stage == stage for v in views)) for stage in stages_of(views)]
 
 
-def _cell_text(cell: str | int | float) -> str:
-    return f"{cell:.6g}" if isinstance(cell, float) else str(cell)
+def _group_counts(calibration: Calibration) -> list[tuple[str, int, str]]:
+    """Title, number of views and rms residual of each group of points."""
+    return [(group.title, len(group), _px(group.rms_px)) for group in point_groups(calibration)]
+
+
+def _px(rms: float) -> str:
+    return numbers.two_digits(rms) if math.isfinite(rms) else "–"

@@ -5,15 +5,13 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-import numpy as np
 from markupsafe import Markup
 
 from sheetoflight.errors import InputError
-from sheetoflight.measurement.length import lengths
 from sheetoflight.model.calibration import Calibration
 from sheetoflight.report import space
 from sheetoflight.report.contents import MeasuredPicture
-from sheetoflight.report.numbers import NO_UNCERTAINTY, rounded, two_digits
+from sheetoflight.report.numbers import rounded
 from sheetoflight.report.picture_png import embedded
 from sheetoflight.report.plots import Plot, plot
 
@@ -23,22 +21,24 @@ _TEXT_SHARE = 1 / 32
 
 @dataclass(frozen=True)
 class PieceRow:
-    """A piece of the laser line with its length in mm as text."""
+    """A whole piece of the laser line: its number in the picture, its name as in ``lengths.csv``,
+    and its length in mm as text."""
 
     number: int
+    segment: str
     points: int
     length: str
     std: str
-    from_calibration: str
     low: str
     high: str
 
 
 @dataclass(frozen=True)
 class EndMark:
-    """An end of a piece in the picture, and where the piece's number stands beside it, px."""
+    """An end of a piece in the picture, and where the piece's number stands beside it, px; a
+    piece without a length has no number."""
 
-    number: int
+    number: int | None
     u: float
     v: float
     text_u: float
@@ -65,13 +65,12 @@ class PictureBlock:
 def picture_blocks(
     calibration: Calibration, pictures: Sequence[MeasuredPicture]
 ) -> list[PictureBlock]:
-    """All pictures, measured and made ready for the page.
+    """All pictures made ready for the page.
 
     Raises
     ------
     InputError
-        If a picture has another size than the calibrated camera's, or an end of a whole piece
-        does not lie on the sheet of light.
+        If a picture has another size than the calibrated camera's.
     """
     for picture in pictures:
         _check_size(picture, calibration)
@@ -98,7 +97,7 @@ def _block(
     calibration: Calibration, picture: MeasuredPicture, number: int, grey: str, binary: str
 ) -> PictureBlock:
     height, width = picture.image.shape
-    rows = _piece_rows(calibration, picture)
+    rows = _piece_rows(picture)
     return PictureBlock(
         name=picture.name,
         width=width,
@@ -115,8 +114,12 @@ def _block(
 
 
 def _in_space(calibration: Calibration, picture: MeasuredPicture, number: int) -> Plot:
+    names = [
+        "piece without a length" if piece_number is None else f"piece {piece_number}"
+        for piece_number in _numbers(picture)
+    ]
     return plot(
-        space.reconstructed(calibration, picture.pieces),
+        space.reconstructed(calibration, picture.pieces, names, picture.laser),
         f"figure-reconstructed-{number}",
         "The laser line in space",
         "Camera frame in mm; turn it with the mouse. The paper's figure 8.",
@@ -130,7 +133,7 @@ def _end_marks(picture: MeasuredPicture) -> tuple[EndMark, ...]:
     text = _TEXT_SHARE * width
     gap = 1.5 * _RADIUS_SHARE * width
     marks = []
-    for number, piece in enumerate(picture.pieces, start=1):
+    for number, piece in zip(_numbers(picture), picture.pieces, strict=True):
         for u, v in piece.ends:
             text_u = u + gap if u + gap + text < width else u - gap - text
             text_v = v - gap if v - gap - text > 0 else v + gap + text
@@ -139,22 +142,18 @@ def _end_marks(picture: MeasuredPicture) -> tuple[EndMark, ...]:
     return tuple(marks)
 
 
-def _piece_rows(calibration: Calibration, picture: MeasuredPicture) -> tuple[PieceRow, ...]:
+def _numbers(picture: MeasuredPicture) -> list[int | None]:
+    """Numbers of the whole pieces from 1, as ``lengths.csv`` counts them; None for others."""
+    whole = [piece.whole for piece in picture.pieces]
+    return [sum(whole[: place + 1]) if one else None for place, one in enumerate(whole)]
+
+
+def _piece_rows(picture: MeasuredPicture) -> tuple[PieceRow, ...]:
     """Lengths of the whole pieces; a piece that leaves the picture has none."""
-    whole = [(n, piece) for n, piece in enumerate(picture.pieces, start=1) if piece.whole]
-    if not whole:
-        return ()
-    measured = lengths(
-        calibration,
-        np.stack([piece.ends for _, piece in whole]),
-        np.stack([piece.ends_std for _, piece in whole]),
-        tuple(f"{number} of {picture.name}" for number, _ in whole),
-    )
+    whole = [piece for piece in picture.pieces if piece.whole]
     rows = []
-    for (number, piece), found in zip(whole, measured, strict=True):
-        value, std = rounded(found.value, found.std)
-        low, high = (rounded(bound, found.std)[0] for bound in found.interval)
-        known = calibration.covariance.parameters
-        share = two_digits(dict(found.budget)["calibration"]) if known else NO_UNCERTAINTY
-        rows.append(PieceRow(number, len(piece), value, std, share, low, high))
+    for number, (piece, measured) in enumerate(zip(whole, picture.segments, strict=True), 1):
+        value, std = rounded(measured.length.value, measured.length.std)
+        low, high = (rounded(bound, measured.length.std)[0] for bound in measured.length.interval)
+        rows.append(PieceRow(number, measured.name, len(piece), value, std, low, high))
     return tuple(rows)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal
 
@@ -11,17 +12,26 @@ from markupsafe import Markup
 
 from sheetoflight.model.calibration import Calibration
 from sheetoflight.report import figures, space
+from sheetoflight.report.budget import Budget
+from sheetoflight.report.point_groups import point_groups
+
+_SPOTS = ", spots of a laser are crosses"
+_PLACED = " In stage plane the target's distance from the sheet adds to the noise."
+_MOST_BARS = 40
+_BAR_REM, _AROUND_BARS_REM = 2.4, 8.0
 
 
 @dataclass(frozen=True)
 class Plot:
-    """A plotly figure as the page needs it: an id of its own, texts, and the data as JSON."""
+    """A plotly figure as the page needs it: an id of its own, texts, the data as JSON, and a
+    height where that of its kind does not suit it."""
 
     id: str
     title: str
     caption: str
     json: Markup
     kind: Literal["flat", "tall", "space"] = "flat"
+    height_rem: float | None = None
 
 
 def plot(
@@ -30,20 +40,44 @@ def plot(
     title: str,
     caption: str,
     kind: Literal["flat", "tall", "space"] = "flat",
+    height_rem: float | None = None,
 ) -> Plot:
     """A figure made ready for the page; `name` is its id there."""
     figure.update_layout(template="none")
     # plotly writes <, > and / as \u escapes, so the JSON cannot close its script element.
     json = plotly.io.to_json(figure, engine="json")
-    return Plot(name, title, caption, Markup(json), kind)
+    return Plot(name, title, caption, Markup(json), kind, height_rem)
+
+
+def budget_plot(budgets: Sequence[Budget]) -> Plot | None:
+    """What the uncertainty of each length is made of; None where nothing is known of it."""
+    shown = [budget for budget in budgets if budget.std > 0][:_MOST_BARS]
+    if not shown:
+        return None
+    rest = len(budgets) - len(shown)
+    return plot(
+        figures.budget_bars(shown),
+        "figure-budget",
+        "What limits a length",
+        "Shares of the variance. Who wants to measure better begins with the longest piece."
+        + (f" The table also has the {rest} lengths that are not drawn." if rest else ""),
+        "flat",
+        _BAR_REM * len(shown) + _AROUND_BARS_REM,
+    )
+
+
+def _has_spots(calibration: Calibration) -> bool:
+    return any(group.kind == "spots" for group in point_groups(calibration))
 
 
 def calibration_plots(calibration: Calibration) -> list[Plot]:
     """Where the targets were seen, and where they stood."""
     in_space = plot(
-        space.points_and_sheet(calibration),
+        space.points_and_sheets(calibration),
         "figure-space",
-        "Targets and sheet of light in space",
+        "Targets and sheets of light in space"
+        if len(calibration.light_planes) > 1
+        else "Targets and sheet of light in space",
         "Camera frame in mm; turn it with the mouse. The paper's figure 5.",
         "space",
     )
@@ -53,7 +87,8 @@ def calibration_plots(calibration: Calibration) -> list[Plot]:
         figures.image_points(calibration),
         "figure-image-points",
         "Image points of the targets",
-        "Markers of one view are joined; the frame is the picture. The paper's figure 4.",
+        f"Markers of one view are joined{_SPOTS if _has_spots(calibration) else ''}; the frame "
+        "is the picture. The paper's figure 4.",
         "tall",
     )
     return [in_picture, in_space]
@@ -63,12 +98,14 @@ def residual_plots(calibration: Calibration) -> list[Plot]:
     """How the observations fit: by view, over the picture, by component."""
     if not calibration.residuals.views:
         return []
+    sources = {source.name for source in calibration.covariance.sources}
+    placed = _PLACED if "placement" in sources else ""
     return [
         plot(
             figures.residual_bars(calibration),
             "figure-residual-views",
             "Residuals, view by view",
-            "A view that stands out has a wrong marker, a bent or moved target, or blur.",
+            "A view that stands out has a wrong marker, a bent or moved target, or blur." + placed,
         ),
         plot(
             figures.residual_arrows(calibration),
@@ -83,7 +120,7 @@ def residual_plots(calibration: Calibration) -> list[Plot]:
             "figure-residual-scatter",
             "Residuals by component",
             "Circles at 1, 2 and 3 times the noise. Errors of that size alone would leave 39, 86 "
-            "and 99 % of the points inside them; the fit itself takes up some more.",
+            "and 99 % of the points inside them; the fit itself takes up some more." + placed,
             "tall",
         ),
     ]

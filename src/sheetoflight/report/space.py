@@ -8,16 +8,25 @@ import numpy as np
 import plotly.graph_objects as go
 
 from sheetoflight.geometry.directions import Array, tangent_basis
-from sheetoflight.model.calibration import Calibration, ViewResiduals
+from sheetoflight.measurement.triangulation import triangulate
+from sheetoflight.model.calibration import Calibration
 from sheetoflight.model.light_plane import LightPlane
 from sheetoflight.model.line_piece import LinePiece
-from sheetoflight.report.figures import NEUTRAL, joined, label, stage_colour, stages_of
+from sheetoflight.report.figures import (
+    NEUTRAL,
+    counted,
+    group_colour,
+    joined,
+    label,
+    sheet_colour,
+    symbol,
+)
+from sheetoflight.report.point_groups import PointGroup, in_sheet, point_groups
 
 _PATCH_MARGIN = 0.15
 _FRUSTUM_SHARE = 0.2
 _THINNEST_BOX = 0.25
 _MOST_POINTS = 1500
-_SHEET_COLOUR = "#e0453a"
 _FAINT, _CLEAR = 0.3, 1.0
 _GRID = 9
 _EYE = np.array([-0.64, -0.43, -0.64])
@@ -25,73 +34,83 @@ _DISTANCE = 1.35
 _HOVER = "X %{x:.2f}, Y %{y:.2f}, Z %{z:.2f} mm<extra></extra>"
 
 
-def points_and_sheet(calibration: Calibration) -> go.Figure:
-    """Markers, camera and sheet of light (the paper's Fig. 5)."""
+def points_and_sheets(calibration: Calibration) -> go.Figure:
+    """Markers, spots, camera and every sheet of light (the paper's Fig. 5)."""
     figure = go.Figure()
-    views = calibration.residuals.views
-    for stage in stages_of(views):
-        _add_targets(figure, stage, [view for view in views if view.stage == stage])
-    around = _near_sheet(calibration)
-    markers = _finite(np.concatenate([*[view.xyz for view in views], around]))
-    depth = float(np.median(markers[:, 2])) if len(markers) else 1.0
+    groups = point_groups(calibration)
+    for group in groups:
+        _add_points(figure, group)
+    lasers = range(len(calibration.light_planes))
+    around = [_near_sheet(calibration, laser) for laser in lasers]
+    seen = [part for group in groups for part in group.xyz]
+    points = _finite(np.concatenate([*seen, *around]))
+    depth = float(np.median(points[:, 2])) if len(points) else 1.0
     camera = _add_camera(figure, calibration, _FRUSTUM_SHARE * depth)
-    patches = [_add_sheet(figure, plane, around) for plane in calibration.light_planes]
-    _look_at(figure, np.concatenate([markers, camera, *patches]))
+    patches = [_add_sheet(figure, calibration, laser, around[laser]) for laser in lasers]
+    _look_at(figure, np.concatenate([points, camera, *patches]))
     return figure
 
 
-def reconstructed(calibration: Calibration, pieces: Sequence[LinePiece]) -> go.Figure:
-    """Pieces of the laser line in space (the paper's Fig. 8)."""
+def reconstructed(
+    calibration: Calibration,
+    pieces: Sequence[LinePiece],
+    names: Sequence[str],
+    laser: str | None = None,
+) -> go.Figure:
+    """Named pieces of the laser line in space (the paper's Fig. 8)."""
     figure = go.Figure()
-    clouds = [_finite(calibration.triangulate(_thinned(piece.uv))) for piece in pieces]
-    for number, xyz in enumerate(clouds, start=1):
+    clouds = [_finite(triangulate(calibration, _thinned(piece.uv), laser)) for piece in pieces]
+    for name, xyz in zip(names, clouds, strict=True):
         figure.add_scatter3d(
             **_coordinates(xyz),
             mode="lines+markers",
-            name=f"piece {number}",
+            name=label(name),
             line={"width": 3},
             marker={"size": 2},
             hovertemplate=_HOVER,
         )
     points = np.concatenate([np.empty((0, 3)), *clouds])
-    _look_at(figure, _add_sheet(figure, calibration.light_plane, points))
+    number = calibration.light_planes.index(calibration.sheet(laser))
+    _look_at(figure, _add_sheet(figure, calibration, number, points))
     return figure
 
 
-def _add_targets(figure: go.Figure, stage: str, views: Sequence[ViewResiduals]) -> None:
-    """Targets of one stage; those of the camera stage stay in the background."""
-    xyz, names = joined([view.xyz for view in views], [view.view for view in views])
-    background = stage == "camera"
+def _add_points(figure: go.Figure, group: PointGroup) -> None:
+    """Points of one group; targets of the camera stage stay in the background."""
+    xyz, names = joined(group.xyz, group.views)
+    background, spots = group.stage == "camera", group.kind == "spots"
+    colour = group_colour(group)
     figure.add_scatter3d(
         **_coordinates(xyz),
-        mode="lines+markers",
-        name=f"{label(stage)} ({len(views)} views)",
+        mode="markers" if spots else "lines+markers",
+        name=counted(group),
         text=names,
         opacity=_FAINT if background else _CLEAR,
-        line={"color": stage_colour(stage), "width": 2 if background else 4},
-        marker={"color": stage_colour(stage), "size": 2 if background else 3},
+        line={"color": colour, "width": 2 if background else 4},
+        marker={"color": colour, "size": 2 if background else 4, "symbol": symbol(group)},
         hovertemplate="%{text}<br>" + _HOVER,
     )
 
 
-def _add_sheet(figure: go.Figure, plane: LightPlane, around: Array) -> Array:
+def _add_sheet(figure: go.Figure, calibration: Calibration, laser: int, around: Array) -> Array:
     """A translucent rectangle of the sheet that holds the given points' feet on it.
 
     Returns its corners ``(4, 3)``, none where there are no points.
     """
     if not len(around):
         return np.empty((0, 3))
+    plane = calibration.light_planes[laser]
     corners = _patch(plane, around)
     figure.add_mesh3d(
         **_coordinates(corners),
         i=[0, 0],
         j=[1, 2],
         k=[2, 3],
-        color=_SHEET_COLOUR,
+        color=sheet_colour(laser),
         opacity=0.22,
         flatshading=True,
         lighting={"ambient": 1.0, "diffuse": 0.0, "specular": 0.0},
-        name=label(plane.name),
+        name=label(f"sheet {plane.name}" if len(calibration.light_planes) > 1 else plane.name),
         showlegend=True,
         hoverinfo="name",
     )
@@ -112,18 +131,18 @@ def _patch(plane: LightPlane, around: Array) -> Array:
     return foot.mean(axis=0) + square @ main @ np.stack([first, second])
 
 
-def _near_sheet(calibration: Calibration) -> Array:
-    """Points ``(N, 3)`` that show where the sheet is used: the markers placed in it, or,
+def _near_sheet(calibration: Calibration, laser: int) -> Array:
+    """Points ``(N, 3)`` that show where a sheet is used: the markers and spots in it, or,
     where there are none, what the camera sees of it nearer than five times its distance."""
-    views = calibration.residuals.views
-    nothing = np.empty((0, 3))
-    placed = _finite(np.concatenate([nothing, *[v.xyz for v in views if v.stage != "camera"]]))
+    placed = in_sheet(calibration, laser)
     if len(placed):
         return placed
+    plane = calibration.light_planes[laser]
     width, height = calibration.camera.image_size
     grid = np.meshgrid(np.linspace(0, width - 1, _GRID), np.linspace(0, height - 1, _GRID))
-    seen = _finite(calibration.triangulate(np.stack(grid, axis=-1).reshape(-1, 2)))
-    return seen[seen[:, 2] < 5.0 * calibration.light_plane.distance_mm]
+    pixels = np.stack(grid, axis=-1).reshape(-1, 2)
+    seen = _finite(triangulate(calibration, pixels, plane.name))
+    return seen[seen[:, 2] < 5.0 * plane.distance_mm]
 
 
 def _add_camera(figure: go.Figure, calibration: Calibration, depth: float) -> Array:

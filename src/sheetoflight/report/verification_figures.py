@@ -9,7 +9,7 @@ import plotly.graph_objects as go
 
 from sheetoflight.measurement.comparison import Comparison
 from sheetoflight.measurement.verification import Verification
-from sheetoflight.report.figures import NEUTRAL, _frame_of_picture, label
+from sheetoflight.report.figures import NEUTRAL, frame_of_picture, label
 
 PASSED_COLOUR, FAILED_COLOUR, NOT_JUDGED_COLOUR = "#1f9d78", "#d9622b", "#8a7fb8"
 _FAILED_SYMBOL = "x"
@@ -98,7 +98,7 @@ def segments_in_picture(verification: Verification) -> go.Figure:
             marker={"color": colour, "size": 5},
             hovertemplate="%{text}<br>u %{x:.1f}, v %{y:.1f} px<extra></extra>",
         )
-    _frame_of_picture(figure, verification.image_size)
+    frame_of_picture(figure, verification.image_size)
     return figure
 
 

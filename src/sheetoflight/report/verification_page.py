@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-from markupsafe import Markup
-
 from sheetoflight.measurement.comparison import Comparison, MeasuredSegment
 from sheetoflight.measurement.error_statistics import Estimate
 from sheetoflight.measurement.verification import Verification
 from sheetoflight.report import numbers, verification_figures
-from sheetoflight.report.page import _environment, _plotly_js
+from sheetoflight.report.environment import environment
 from sheetoflight.report.plots import Plot, plot
 
 _NOT_GIVEN = "–"
@@ -26,7 +24,7 @@ def build_verification_page(verification: Verification) -> str:
         HTML, to be written as UTF-8.
     """
     return (
-        _environment()
+        environment()
         .get_template("verification.html")
         .render(
             verification=verification,
@@ -38,7 +36,6 @@ def build_verification_page(verification: Verification) -> str:
             not_judged=[_measured(segment) for segment in verification.not_judged],
             plots=_plots(verification),
             provenance=tuple(numbers.flat(verification.provenance)),
-            plotly_js=Markup(_plotly_js()),
         )
     )
 

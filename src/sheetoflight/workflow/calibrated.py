@@ -68,5 +68,6 @@ def _provenance(rig: Rig, method: str, options: CalibrationOptions) -> dict[str,
         "skew": rig.skew,
         "views": {stage: len(views) for stage, views in rig.observations.stages().items()},
         "stated_pixel_std": rig.pixel_std,
+        "stated_placement_std_mm": rig.placement_std,
         "options": asdict(options.paper) if method == "paper" else {},
     }

@@ -18,7 +18,12 @@ from sheetoflight.report.contents import Table
 from sheetoflight.simulation.poses import segments_in_sheet
 from sheetoflight.simulation.rig import paper_rig
 from sheetoflight.workflow.calibrated import calibrate
-from sheetoflight.workflow.measured import PictureLengths, measure_pictures, piece_lengths
+from sheetoflight.workflow.measured import (
+    PictureLengths,
+    length_row,
+    measure_pictures,
+    piece_lengths,
+)
 from sheetoflight.workflow.reported import write_report
 from sheetoflight.workflow.rig_folder import detect
 from sheetoflight.workflow.simulated import TABLE_2_MM, TABLE_4_MM, SimulationOptions, simulate
@@ -131,7 +136,7 @@ def demonstrate(
     )
     for method, calibration in calibrations.items():
         rows = [
-            found.row
+            length_row(found)
             for picture in measured
             for found in piece_lengths(calibration, picture.file.name, picture.pieces)
         ]

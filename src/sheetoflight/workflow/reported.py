@@ -52,5 +52,10 @@ def _shown(measured: PictureLengths) -> MeasuredPicture:
     on, off = laser_pictures(measured.file)
     grey = on if on.ndim == 2 else on.max(axis=2).astype(on.dtype)
     return MeasuredPicture(
-        measured.file.name, np.asarray(grey), binary_line(on, off), measured.pieces
+        measured.file.name,
+        np.asarray(grey),
+        binary_line(on, off),
+        measured.pieces,
+        measured.segments,
+        measured.laser,
     )

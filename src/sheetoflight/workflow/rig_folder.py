@@ -201,7 +201,21 @@ def _detected(folder: Path, described: RigFile, run: Execution) -> Detection:
 def _searched(file: PictureFile, target: CollinearTarget) -> tuple[tuple[int, int], TargetSearch]:
     """Size of the picture without laser, where there is one, and what it shows."""
     picture = read_picture(file.path)
+    _refuse_unlike_pair(file, _size(picture))
     return _size(picture), find_target(picture, target)
+
+
+def _refuse_unlike_pair(file: PictureFile, off: tuple[int, int]) -> None:
+    """The target is searched for in the picture without laser; the other is of the same view."""
+    if file.laser_on is None:
+        return
+    on = _size(read_picture(file.laser_on))
+    if on != off:
+        raise InputError(
+            f"{file_name(file.laser_on)} has {on[0]}×{on[1]} pixels, {file.path.name} has "
+            f"{off[0]}×{off[1]}",
+            "give both pictures of a pair from one camera, uncropped",
+        )
 
 
 def _size(picture: np.ndarray) -> tuple[int, int]:

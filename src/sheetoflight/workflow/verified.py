@@ -21,12 +21,7 @@ from sheetoflight.measurement.comparison import KnownLength, MeasuredSegment, Pe
 from sheetoflight.measurement.verification import Verification, verify_lengths
 from sheetoflight.model.calibration import Calibration
 from sheetoflight.workflow.calibrated import load_calibration
-from sheetoflight.workflow.measured import (
-    PictureLengths,
-    measure_pictures,
-    measure_segments,
-    pictures_named,
-)
+from sheetoflight.workflow.measured import measure_pictures, measured_segments, pictures_named
 from sheetoflight.workflow.spread import ALONE, Execution
 
 _NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?", re.ASCII)
@@ -49,6 +44,7 @@ def verify(
     limit: PermissibleError | None = None,
     run: Execution = ALONE,
     known_std: float | None = None,
+    laser: str | None = None,
 ) -> Verification:
     """Measure segments or pictures and compare the lengths with known ones.
 
@@ -66,6 +62,9 @@ def verify(
     run : Execution
     known_std : float, optional
         Standard uncertainty of `known` in mm where that is one length; exact where absent.
+    laser : str, optional
+        In whose sheet the pictures, or segments that name no laser, lie; may be left out where
+        there is one.
 
     Raises
     ------
@@ -76,7 +75,7 @@ def verify(
         If nothing can be measured, or there is nothing to judge an error by.
     """
     calibrated = load_calibration(calibration)
-    measured = _measured(calibrated, [Path(path) for path in inputs], run)
+    measured = _measured(calibrated, [Path(path) for path in inputs], run, laser)
     names = [segment.name for segment in measured.segments]
     stated = _stated(known, known_std, names)
     for name in stated:
@@ -112,23 +111,19 @@ def write_verification_page(path: str | Path, verification: Verification) -> Non
     write_whole(path, build_verification_page(verification))
 
 
-def _measured(calibration: Calibration, inputs: list[Path], run: Execution) -> _Measured:
+def _measured(
+    calibration: Calibration, inputs: list[Path], run: Execution, laser: str | None
+) -> _Measured:
     tables = [path for path in inputs if path.suffix.lower() == ".csv"]
     if not tables:
-        return _in_pictures(calibration, inputs, run)
+        return _in_pictures(calibration, inputs, run, laser)
     if len(inputs) > 1:
         raise InputError(
             f"{len(inputs)} inputs with {tables[0].name} among them",
             "give one segments.csv, or pictures, not both",
         )
-    found = measure_segments(calibration, tables[0])
     table = read_segments(tables[0])
-    lasers = table.laser or (None,) * len(table)
-    segments = [
-        MeasuredSegment(one.segment, ends, one.length, laser)
-        for one, ends, laser in zip(found, table.uv, lasers, strict=True)
-    ]
-    return _Measured(segments, _known_in(table))
+    return _Measured(measured_segments(calibration, table, laser), _known_in(table))
 
 
 def _known_in(table: Segments) -> dict[str, KnownLength]:
@@ -142,25 +137,19 @@ def _known_in(table: Segments) -> dict[str, KnownLength]:
     }
 
 
-def _in_pictures(calibration: Calibration, inputs: list[Path], run: Execution) -> _Measured:
-    pictures = measure_pictures(calibration, pictures_named(inputs), run)
-    segments = [segment for picture in pictures for segment in _whole_pieces(picture)]
+def _in_pictures(
+    calibration: Calibration, inputs: list[Path], run: Execution, laser: str | None
+) -> _Measured:
+    pictures = measure_pictures(calibration, pictures_named(inputs), run, laser)
+    segments = [segment for picture in pictures for segment in picture.segments]
     if not segments:
         raise UntrustworthyError(
             "verify",
             f"no piece of the laser line with both its ends in {len(pictures)} pictures",
             "take pictures in which both ends of the lit object are seen, with the laser on",
         )
-    empty = [picture.file.name for picture in pictures if not picture.lengths]
+    empty = [picture.file.name for picture in pictures if not picture.segments]
     return _Measured(segments, {}, tuple(f"{name}: nothing measured" for name in empty))
-
-
-def _whole_pieces(picture: PictureLengths) -> list[MeasuredSegment]:
-    ends = [piece.ends for piece in picture.pieces if piece.whole]
-    return [
-        MeasuredSegment(one.segment, pair, one.length)
-        for one, pair in zip(picture.lengths, ends, strict=True)
-    ]
 
 
 def _stated(

@@ -31,10 +31,11 @@
       font: { color: theme.ink, family: "system-ui, sans-serif", size: 13 },
       paper_bgcolor: "rgba(0,0,0,0)",
       plot_bgcolor: "rgba(0,0,0,0)",
-      modebar: { bgcolor: "rgba(0,0,0,0)", color: theme.axis, activecolor: theme.ink },
+      modebar: { orientation: "v", bgcolor: "rgba(0,0,0,0)", color: theme.axis, activecolor: theme.ink },
       hoverlabel: { align: "left" },
-      margin: { l: 56, r: 12, t: 36, b: 48 },
-      legend: { orientation: "h", y: 1, yanchor: "bottom", x: 0 },
+      // The buttons stand at the right, beside the legend and not upon it.
+      margin: { l: 56, r: 36, t: 36, b: 48 },
+      legend: Object.assign({ orientation: "h", y: 1, yanchor: "bottom", x: 0 }, layout.legend),
       autosize: !theme.width,
       width: theme.width,
     });
@@ -45,7 +46,7 @@
         scene[name] = Object.assign({}, axis, layout.scene[name], look);
       }
       merged.scene = scene;
-      merged.margin = { l: 0, r: 0, t: 0, b: 0 };
+      merged.margin = { l: 0, r: 36, t: 0, b: 0 };
     } else {
       merged.xaxis = Object.assign({ automargin: true }, axis, layout.xaxis);
       merged.yaxis = Object.assign({ automargin: true }, axis, layout.yaxis);

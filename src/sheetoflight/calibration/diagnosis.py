@@ -1,0 +1,430 @@
+"""Which fault the residuals point to.
+
+Every fault is a way in which the points, or their images, would move: a hypothesis with a few
+columns Z of derivatives. Without estimating it, Rao's score test tells how much chi-squared would
+fall, ``gᵀ S⁻¹ g`` with ``g`` and ``S`` the gradient and the information of its parameters, all
+others eliminated, and how large the fault is, ``−S⁻¹ g`` with covariance ``S⁻¹``. All hypotheses
+stand in one table; the one that chance could least bring about is named.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.special import fdtrc
+
+from sheetoflight.calibration.fitting import Fit
+from sheetoflight.calibration.noise import PIXEL, PLACEMENT
+from sheetoflight.calibration.residual_tests import exact
+from sheetoflight.calibration.rig_state import LOCAL_SIZE
+from sheetoflight.estimation.block_least_squares import scaled_inverse
+from sheetoflight.estimation.variance_components import Contrasts
+from sheetoflight.geometry.directions import Array, normalised
+from sheetoflight.model.camera import Camera
+from sheetoflight.model.diagnosis import Finding
+
+_SIGNIFICANT = 1e-5
+"""Odds of chance, all trials counted, below which a fault is told."""
+
+_NOISY = 1e-3
+"""The same for scatter that differs between stages or directions, which spoils the weights."""
+
+_ODD_TAIL = 0.025
+"""Odds below which residuals look as if a diagnosis were worth while; one rig in twenty."""
+
+
+@dataclass(frozen=True)
+class _Hypothesis:
+    """A fault with q parameters.
+
+    Parameters
+    ----------
+    stage, cause : str
+    columns : mapping from stage to (N, 2M, q) array
+        How the image points would move, px per unit; stages that it leaves alone are missing.
+    text : str
+        With a place for the size.
+    remedy : str
+    trials : int
+        How many alike hypotheses are tried, this being the best of them.
+    """
+
+    stage: str
+    cause: str
+    columns: dict[str, Array]
+    text: str
+    remedy: str
+    trials: int = 1
+
+
+def findings(fit: Fit) -> tuple[Finding, ...]:
+    """What the residuals of a fit point to, the most likely first; empty where to nothing.
+
+    Parameters
+    ----------
+    fit : Fit
+        Of all stages together.
+    """
+    try:
+        tested = _Tested.of(fit)
+    except np.linalg.LinAlgError:
+        return ()
+    if sum(tested.freedom.values()) < 3:
+        return ()
+    found = [
+        finding
+        for hypothesis in _hypotheses(fit)
+        if (finding := tested.finding(hypothesis)) is not None
+    ]
+    best: dict[str, Finding] = {}
+    for finding in sorted(found, key=lambda finding: -finding.explained):
+        best.setdefault(finding.cause, finding)
+    return (*best.values(), *_bent_anyhow(fit, tested), *_noisy_stages(fit))
+
+
+@dataclass(frozen=True)
+class _Tested:
+    """The fit, ready for hypotheses."""
+
+    stages: tuple[str, ...]
+    groups: Sequence[Contrasts]
+    inverses: Sequence[Array]
+    covariance: Array
+    chi2: dict[str, float]
+    freedom: dict[str, float]
+
+    @classmethod
+    def of(cls, fit: Fit) -> _Tested:
+        groups = fit.noise.contrasts(fit.adjustment, fit.state, {})
+        inverses = [np.linalg.inv(group.covariance(fit.noise.variances)) for group in groups]
+        covariance = scaled_inverse(fit.model().information)[0]
+        chi2, freedom = {}, {}
+        for (stage, views), group, inverse in zip(
+            fit.adjustment.stages.items(), groups, inverses, strict=True
+        ):
+            chi2[stage] = float(np.einsum("ni,nij,nj->", group.values, inverse, group.values))
+            own = covariance[np.ix_(group.columns, group.columns)]
+            pull = np.swapaxes(group.by_shared, 1, 2) @ inverse @ group.by_shared
+            observed = 2 * int(views.seen.sum()) - LOCAL_SIZE[stage] * len(views)
+            freedom[stage] = observed - float(np.sum(own * pull.sum(axis=0)))
+        return cls(tuple(fit.adjustment.stages), groups, inverses, covariance, chi2, freedom)
+
+    def finding(self, hypothesis: _Hypothesis) -> Finding | None:
+        """The hypothesis as a finding, if chance hardly brings it about."""
+        size = len(self.covariance)
+        count = next(iter(hypothesis.columns.values())).shape[-1]
+        gradient, own = np.zeros(count), np.zeros((count, count))
+        mixed = np.zeros((count, size))
+        for stage, group, inverse in zip(self.stages, self.groups, self.inverses, strict=True):
+            if stage not in hypothesis.columns:
+                continue
+            moved = group.across @ hypothesis.columns[stage]
+            pull = np.swapaxes(moved, 1, 2) @ inverse
+            gradient += np.einsum("nqc,nc->q", pull, group.values)
+            own += np.sum(pull @ moved, axis=0)
+            mixed[:, group.columns] += np.sum(pull @ group.by_shared, axis=0)
+        left = own - mixed @ self.covariance @ mixed.T
+        scale = np.sqrt(np.maximum(np.diag(own), 1e-300))
+        scaled = left / np.outer(scale, scale)
+        values, vectors = np.linalg.eigh(scaled)
+        kept = values > 1e-9
+        if not kept.any():
+            return None
+        inverse = (vectors[:, kept] / values[kept]) @ vectors[:, kept].T / np.outer(scale, scale)
+        fall, rank = float(gradient @ inverse @ gradient), int(kept.sum())
+        # judged by the stages that the fault acts in: others may be quieter
+        chi2 = sum(self.chi2[stage] for stage in hypothesis.columns)
+        rest = sum(self.freedom[stage] for stage in hypothesis.columns) - rank
+        if rest < 1 or not fall > 0:
+            return None
+        variance = max((chi2 - fall) / rest, 1e-12 * chi2)
+        odds = hypothesis.trials * float(fdtrc(rank, rest, fall / rank / variance))
+        if odds > _SIGNIFICANT:
+            return None
+        amount = -inverse @ gradient
+        std = np.sqrt(variance * np.diag(inverse))
+        text = hypothesis.text.format(
+            size=float(amount[0]), std=float(std[0]), norm=float(np.linalg.norm(amount))
+        )
+        pulled = mixed.T @ amount
+        shift = float(np.sqrt(max(pulled @ self.covariance @ pulled, 0.0)))
+        return Finding(
+            hypothesis.stage,
+            hypothesis.cause,
+            text,
+            hypothesis.remedy,
+            explained=min(fall / sum(self.chi2.values()), 1.0),
+            odds=min(odds, 1.0),
+            shift=shift,
+        )
+
+
+def _hypotheses(fit: Fit) -> Iterator[_Hypothesis]:
+    yield from _lens(fit)
+    yield from _marker_distances(fit)
+    yield from _bent_targets(fit)
+    yield from _slipped_pivots(fit)
+    yield from _moved_lasers(fit)
+
+
+def _images(fit: Fit, stage: str, moves: Sequence[Array]) -> Array:
+    """Image motion ``(N, 2M, q)`` of moves ``(N, M, 3)`` of the points."""
+    block = fit.adjustment.block(fit.state, stage, moves)
+    return block.by_shared[..., -len(moves) :]
+
+
+def _lens(fit: Fit) -> Iterator[_Hypothesis]:
+    """Coefficients of the lens that are not estimated."""
+    free = fit.adjustment.parameters
+    for names, what in (
+        (("k1",), "radial distortion k1 of about {size:.3g} ± {std:.1g}"),
+        (("k1", "k2"), "radial distortion k1, k2, with k1 about {size:.3g} ± {std:.1g}"),
+        (("p1", "p2"), "tangential distortion, p1 about {size:.2g} ± {std:.1g}"),
+    ):
+        missing = [name for name in names if f"camera.{name}" not in free]
+        if not missing:
+            continue
+        indices = [Camera.PARAMETERS.index(name) for name in missing]
+        columns = {}
+        for stage in fit.adjustment.stages:
+            points = fit.adjustment.placed(fit.state, stage).points
+            _, _, by_lens = fit.state.camera.project_with_jacobians(points, indices)
+            seen = fit.adjustment.stages[stage].seen
+            by_lens = np.where(seen[..., None, None], by_lens, 0.0)
+            columns[stage] = by_lens.reshape(len(by_lens), -1, len(indices))
+        model = "brown" if "p1" in missing else "radial2" if len(names) > 1 else "radial1"
+        yield _Hypothesis(
+            "camera",
+            "unmodelled distortion",
+            columns,
+            f"the lens has a {what} that is not in the model",
+            f'set distortion = "{model}" under [camera] in rig.toml',
+        )
+
+
+def _marker_distances(fit: Fit) -> Iterator[_Hypothesis]:
+    """An inner marker that is not where rig.toml says; the ends give the scale."""
+    for marker in range(1, len(fit.adjustment.positions) - 1):
+        columns = {}
+        for stage in fit.adjustment.stages:
+            place = fit.adjustment.placed(fit.state, stage)
+            move = np.zeros_like(place.points)
+            move[:, marker] = place.along
+            columns[stage] = _images(fit, stage, [move])
+        yield _Hypothesis(
+            "target",
+            "wrong marker distance",
+            columns,
+            f"marker {marker} lies {{size:+.3g}} ± {{std:.1g}} mm from where markers_mm has it",
+            "measure the distances of the markers again",
+        )
+
+
+def _bent_targets(fit: Fit) -> Iterator[_Hypothesis]:
+    """A bow in the target: towards the camera, sideways to it, or sagging down."""
+    positions = fit.adjustment.positions
+    share = (positions - positions[0]) / (positions[-1] - positions[0])
+    profile = 4.0 * share * (1.0 - share)
+    for name, direction in (
+        ("towards the camera", _towards_camera),
+        ("sideways, seen from the camera", _sideways),
+        ("downwards in the picture", _downwards),
+    ):
+        columns = {}
+        for stage in fit.adjustment.stages:
+            place = fit.adjustment.placed(fit.state, stage)
+            move = np.zeros_like(place.points)
+            bow = direction(place.points[:, : len(positions)], place.along)
+            move[:, : len(positions)] = profile[:, None] * bow[:, None, :]
+            columns[stage] = _images(fit, stage, [move])
+        yield _Hypothesis(
+            "target",
+            "bent target",
+            columns,
+            f"the target is bent {name} by {{size:+.3g}} ± {{std:.1g}} mm in its middle",
+            "use a stiff, straight target, and support it",
+            trials=3,
+        )
+
+
+def _towards_camera(points: Array, along: Array) -> Array:
+    ray = -normalised(points.mean(axis=1))
+    return normalised(ray - np.sum(ray * along, axis=1, keepdims=True) * along)
+
+
+def _sideways(points: Array, along: Array) -> Array:
+    return normalised(np.cross(along, normalised(points.mean(axis=1))))
+
+
+def _downwards(_: Array, along: Array) -> Array:
+    down = np.broadcast_to(np.array([0.0, 1.0, 0.0]), along.shape)
+    return down - np.sum(down * along, axis=1, keepdims=True) * along
+
+
+def _slipped_pivots(fit: Fit) -> Iterator[_Hypothesis]:
+    """The fixed point moved between two views, and stayed there."""
+    views = fit.adjustment.stages.get("camera")
+    if views is None or len(views) < 4:
+        return
+    place = fit.adjustment.placed(fit.state, "camera")
+    axes = np.eye(3)
+    moves = [np.broadcast_to(axis, place.points.shape) for axis in axes]
+    whole = _images(fit, "camera", moves)
+    changes = range(2, len(views) - 1)
+    for first in changes:
+        late = (np.arange(len(views)) >= first)[:, None, None]
+        yield _Hypothesis(
+            "camera",
+            "slipped pivot",
+            {"camera": np.where(late, whole, 0.0)},
+            f"the fixed point moved by {{norm:.3g}} mm between views {views.names[first - 1]} and "
+            f"{views.names[first]}",
+            "clamp marker 0 and take the views again, or keep those of one side",
+            trials=len(changes),
+        )
+
+
+def _moved_lasers(fit: Fit) -> Iterator[_Hypothesis]:
+    """A sheet that moved between two views, and stayed there."""
+    views = fit.adjustment.stages.get("plane")
+    if views is None:
+        return
+    place = fit.adjustment.placed(fit.state, "plane")
+    for laser, name in enumerate(fit.rig.lasers):
+        mine = np.flatnonzero(views.lasers == laser)
+        if len(mine) < 4:
+            continue
+        moves = [place.by_shared[..., 3 * laser + part] for part in range(3)]
+        whole = _images(fit, "plane", moves)
+        changes = range(2, len(mine) - 1)
+        for first in changes:
+            late = np.zeros(len(views), dtype=bool)
+            late[mine[first:]] = True
+            yield _Hypothesis(
+                "plane",
+                "moved laser",
+                {"plane": np.where(late[:, None, None], whole, 0.0)},
+                f"the sheet of {name} moved between views {views.names[mine[first - 1]]} and "
+                f"{views.names[mine[first]]}",
+                "fasten the laser and take the in-plane views again, or keep those of one side",
+                trials=len(changes),
+            )
+
+
+def _bent_anyhow(fit: Fit, tested: _Tested) -> list[Finding]:
+    """Markers that scatter about the target's line more than along it, as those of a bent target
+    that is held with another side towards the camera each time."""
+    squares, count = _whole_scatter(fit)
+    rest = sum(tested.freedom.values()) - count
+    left = sum(tested.chi2.values()) - squares
+    if count < 3 or rest < 3 or not left > 0:
+        return []
+    ratio = (squares / count) / (left / rest)
+    odds = float(fdtrc(count, rest, ratio))
+    if odds > _NOISY:
+        return []
+    return [
+        Finding(
+            "target",
+            "bent target",
+            f"the markers scatter about the target's line {np.sqrt(ratio):.1f} times as much as "
+            "along it",
+            "use a stiff, straight target, and check that its markers lie on one line",
+            explained=1.0 - left / rest * (rest + count) / (left + squares),
+            odds=odds,
+            shift=0.0,
+        )
+    ]
+
+
+def _noisy_stages(fit: Fit) -> list[Finding]:
+    """A stage whose markers scatter about their lines more than those of the others."""
+    scatter = {stage: _line_scatter(fit, stage) for stage in fit.adjustment.stages}
+    scatter = {stage: (s, n) for stage, (s, n) in scatter.items() if n >= 3}
+    found = []
+    for stage, (own, count) in scatter.items():
+        others = [part for other, part in scatter.items() if other != stage]
+        rest, rest_count = (sum(part) for part in zip(*others, strict=True)) if others else (0, 0)
+        if not rest:
+            continue
+        ratio = (own / count) / (rest / rest_count)
+        odds = len(scatter) * float(fdtrc(count, rest_count, ratio))
+        if odds > _NOISY:
+            continue
+        whole = (own + rest) / (count + rest_count)
+        found.append(
+            Finding(
+                stage,
+                "noisy stage",
+                f"the image points of this stage scatter {np.sqrt(ratio):.1f} times as much as "
+                "those of the others",
+                "look for defocus, motion blur or poor light in these pictures",
+                explained=max(0.0, 1.0 - rest / rest_count / whole),
+                odds=odds,
+                shift=0.0,
+            )
+        )
+    return found
+
+
+def suspicious(fit: Fit) -> bool:
+    """Whether a diagnosis is worth its time: the residuals differ from the markers' scatter about
+    their lines, which needs no calibration, or targets seem to lie off their sheet."""
+    if exact(fit):
+        return False
+    if fit.noise.free[PLACEMENT] and fit.noise.variances[PLACEMENT:].any():
+        return True
+    if _noisy_stages(fit):
+        return True
+    squares, count = _whole_scatter(fit)
+    rest = fit.degrees_of_freedom - count
+    if count < 3 or rest < 3:
+        return True
+    scale = fit.noise.variances[PIXEL] if fit.noise.free[PIXEL] else None
+    chi2 = fit.degrees_of_freedom if scale is not None else fit.chi2
+    ratio = ((chi2 - squares) / rest) / (squares / count) if squares > 0 else np.inf
+    return not _ODD_TAIL < float(fdtrc(rest, count, max(ratio, 0.0))) < 1.0 - _ODD_TAIL
+
+
+def _whole_scatter(fit: Fit) -> tuple[float, int]:
+    """`_line_scatter` of all stages together."""
+    parts = [_line_scatter(fit, stage) for stage in fit.adjustment.stages]
+    return sum(square for square, _ in parts), sum(count for _, count in parts)
+
+
+def _line_scatter(fit: Fit, stage: str) -> tuple[float, int]:
+    """Sum of squares, in units of the pixel noise, and degrees of freedom of the markers' scatter
+    about the image of a straight target with free pose: what no sheet and no pivot can cause."""
+    views = fit.adjustment.stages[stage]
+    markers = len(fit.adjustment.positions)
+    place = fit.adjustment.placed(fit.state, stage)
+    first, second = _free_turns(place.points[:, :markers], place.along)
+    moves = [np.broadcast_to(axis, place.points.shape) for axis in np.eye(3)]
+    moves += [first, second]
+    padded = [_padded(move, place.points.shape[1]) for move in moves]
+    by_pose = _images(fit, stage, padded)[:, : 2 * markers]
+    residuals = fit.adjustment.block(fit.state, stage).residuals[:, : 2 * markers]
+    std = np.repeat(fit.noise.std(stage)[:, :markers], 2, axis=1)
+    whole = views.seen[:, :markers].all(axis=1)
+    if not whole.any():
+        return 0.0, 0
+    scaled = by_pose[whole] / std[whole][..., None]
+    basis = np.linalg.qr(scaled, mode="complete")[0][..., 5:]
+    rest = np.einsum("nri,nr->ni", basis, residuals[whole] / std[whole])
+    return float(np.sum(rest**2)), int(rest.size)
+
+
+def _free_turns(points: Array, along: Array) -> tuple[Array, Array]:
+    """Motions ``(N, M, 3)`` of the markers when the target turns about its middle."""
+    side = normalised(np.cross(along, points.mean(axis=1)))
+    up = np.cross(along, side)
+    offsets = np.sum((points - points.mean(axis=1, keepdims=True)) * along[:, None], axis=-1)
+    return offsets[..., None] * side[:, None], offsets[..., None] * up[:, None]
+
+
+def _padded(move: Array, points: int) -> Array:
+    """A move of the markers, the spots staying where they are."""
+    missing = points - move.shape[1]
+    return np.concatenate([move, np.zeros((len(move), missing, 3))], axis=1) if missing else move

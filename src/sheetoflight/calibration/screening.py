@@ -1,0 +1,178 @@
+"""Before any method: what in the observations is wrong, and what that points to.
+
+A first adjustment of everything shows whether the residuals are noise. If they are not, there
+are two explanations: single detections or views are wrong, or a fault runs through all of them.
+Both are tried, and the one that says more with fewer parameters is believed (Schwarz, Annals of
+Statistics 6(2), 1978).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from sheetoflight.calibration.diagnosis import findings, suspicious
+from sheetoflight.calibration.fitting import Fit, fitted
+from sheetoflight.calibration.identifiability import roughly_determined
+from sheetoflight.calibration.noise import PLACEMENT, NoiseModel, chi2_limit, noise_model
+from sheetoflight.calibration.outliers import Cleaned, cleaned, looks_wrong
+from sheetoflight.calibration.rig_state import ANCHOR, sheet_names
+from sheetoflight.calibration.search import best_fit
+from sheetoflight.calibration.starts import with_sheets
+from sheetoflight.errors import UntrustworthyError
+from sheetoflight.model.diagnosis import Finding
+from sheetoflight.model.rig import Rig
+
+_MISLEADING_SHIFT = 2.0
+"""Standard uncertainties by which a fault may have moved the estimates: beyond, their intervals
+miss."""
+
+_MISLEADING_SHARE = 0.5
+"""Share of the residuals beyond which they are the fault rather than noise."""
+
+_NOISE_CAUSES = ("noisy stage",)
+
+
+@dataclass(frozen=True)
+class Screened:
+    """A rig that can be calibrated.
+
+    Parameters
+    ----------
+    rig : Rig
+        Without what was found wrong.
+    fit : Fit or None
+        The joint fit of it; None where there is none.
+    wrong : tuple of str
+        What was left out, in words.
+    findings : tuple of Finding
+        What else the residuals point to.
+    """
+
+    rig: Rig
+    fit: Fit | None
+    wrong: tuple[str, ...] = ()
+    findings: tuple[Finding, ...] = ()
+
+
+def screened(rig: Rig) -> Screened:
+    """Find what is wrong with the observations of a rig.
+
+    Raises
+    ------
+    UntrustworthyError
+        If a fault runs through all views that would make the result misleading, or so much is
+        wrong that what is right cannot be told.
+    """
+    others = _others(rig)
+    fit = _joint_fit(rig, others)
+    if fit is None or not (fit.solution.converged and roughly_determined(fit)):
+        return _screened_of_gross_errors(rig, others, fit)
+    wrong = looks_wrong(fit)
+    if not wrong and not (_too_noisy(fit) or suspicious(fit)):
+        return Screened(rig, fit)
+    told = findings(_without_placement(fit))
+    if not wrong:
+        return _with_findings(Screened(rig, fit, (), told))
+    try:
+        left = cleaned(rig, noise_model(rig), others)
+    except UntrustworthyError:
+        refuse_misleading(told)
+        raise
+    clean_fit = _joint_fit(left.rig, others) if left.wrong else None
+    if clean_fit is None or (told and _simpler(fit, told[0], clean_fit, left)):
+        return _with_findings(Screened(rig, fit, (), told))
+    return _without_what_is_wrong(left, clean_fit)
+
+
+def _screened_of_gross_errors(rig: Rig, others: tuple[str, ...], fit: Fit | None) -> Screened:
+    """Where nothing fits: perhaps because of wrong detections. If not, the method will tell."""
+    try:
+        left = cleaned(rig, noise_model(rig), others)
+    except (UntrustworthyError, np.linalg.LinAlgError):
+        return Screened(rig, fit)
+    clean_fit = _joint_fit(left.rig, others) if left.wrong else None
+    if clean_fit is None or not roughly_determined(clean_fit):
+        return Screened(rig, fit)
+    return _without_what_is_wrong(left, clean_fit)
+
+
+def _without_what_is_wrong(left: Cleaned, fit: Fit) -> Screened:
+    words = tuple(entry.in_words for entry in left.wrong)
+    worth_it = fit.solution.converged and suspicious(fit)
+    rest = findings(_without_placement(fit)) if worth_it else ()
+    return _with_findings(Screened(left.rig, fit, words, rest))
+
+
+def _with_findings(found: Screened) -> Screened:
+    refuse_misleading(found.findings)
+    return found
+
+
+def _others(rig: Rig) -> tuple[str, ...]:
+    anchor = ANCHOR if len(rig.observations.camera) else ()
+    return (*anchor, *sheet_names(len(rig.lasers)))
+
+
+def _joint_fit(rig: Rig, others: tuple[str, ...]) -> Fit | None:
+    try:
+        stages = rig.observations.stages()
+        return best_fit(rig, noise_model(rig), stages, others, with_sheets, "joint")
+    except UntrustworthyError:
+        return None
+
+
+def _too_noisy(fit: Fit) -> bool:
+    """Whether the residuals exceed the stated noise."""
+    freedom = fit.degrees_of_freedom
+    return freedom > 0 and fit.chi2 > chi2_limit(freedom)
+
+
+def _without_placement(fit: Fit) -> Fit:
+    """The fit with the targets taken to lie in their sheets: what hides behind placement noise
+    shows again."""
+    if not fit.noise.variances[PLACEMENT:].any():
+        return fit
+    variances, free = fit.noise.variances.copy(), fit.noise.free.copy()
+    variances[PLACEMENT:], free[PLACEMENT:] = 0.0, False
+    noise: NoiseModel = replace(fit.noise, variances=variances, free=free)
+    adjustment = fit.adjustment
+    return fitted(fit.rig, adjustment.stages, adjustment.parameters, fit.state, noise, "joint")
+
+
+def _simpler(fit: Fit, finding: Finding, clean: Fit, left: Cleaned) -> bool:
+    """Whether one fault explains the residuals better than leaving points out does."""
+    if finding.cause in _NOISE_CAUSES:
+        return False
+    coordinates = 2 * sum(int(v.seen.sum()) for v in fit.adjustment.stages.values())
+    parameters = 2 * sum(int(mask.sum()) for mask in left.masks.values())
+    one = _squares(fit) * (1.0 - finding.explained)
+    other = _squares(clean)
+    return coordinates * np.log(one / other) < (parameters - 4) * np.log(coordinates)
+
+
+def _squares(fit: Fit) -> float:
+    """Sum of squared residuals, px²."""
+    residuals = fit.adjustment.residuals_px(fit.state)
+    return float(sum(np.nansum(part**2) for part in residuals.values())) + 1e-300
+
+
+def refuse_misleading(told: tuple[Finding, ...]) -> None:
+    """Refuse what a fault has made misleading.
+
+    Raises
+    ------
+    UntrustworthyError
+        If a finding has moved the estimates beyond their uncertainties, or is most of the
+        residuals.
+    """
+    for finding in told:
+        if finding.cause in _NOISE_CAUSES:
+            continue
+        if finding.shift > _MISLEADING_SHIFT or finding.explained > _MISLEADING_SHARE:
+            raise UntrustworthyError(
+                finding.stage,
+                f"{finding.text}, which explains {finding.explained:.0%} of the residuals",
+                finding.remedy,
+            )

@@ -1,0 +1,115 @@
+"""What the noise was found to be, and what was stated of it."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+from sheetoflight.model.calibration import Calibration
+from sheetoflight.model.covariance import Covariance
+from sheetoflight.model.target import CollinearTarget
+from sheetoflight.report.budget import freedom_text
+from sheetoflight.report.numbers import rounded, two_digits
+
+COMPONENTS = {
+    "pixel": ("image coordinates of markers and spots", "px"),
+    "placement": ("ends of the target off the sheet of light, stage plane", "mm"),
+    "marker": ("single markers off the sheet of light, stage plane", "mm"),
+}
+"""Every noise component by its name in files, what it is the standard deviation of, its unit."""
+
+ESTIMATED, STATED = "estimated from the residuals", "stated"
+_NOT_FOUND = "none found, or stated as none"
+_NOT_RECORDED = "the file does not say where it comes from"
+
+
+@dataclass(frozen=True)
+class NoiseRow:
+    """One size of the noise as text, and where it comes from."""
+
+    name: str
+    meaning: str
+    size: str
+    std: str
+    unit: str
+    freedom: str
+    origin: str
+
+
+def noise_rows(calibration: Calibration) -> tuple[NoiseRow, ...]:
+    """The noise components, then what was stated of the target."""
+    rows = [_component(calibration, name) for name in COMPONENTS]
+    rows += [_estimated(calibration.covariance, name)
+             for name in calibration.covariance.components.names
+             if name not in COMPONENTS]  # fmt: skip
+    return (*filter(None, rows), *_of_target(calibration.target))
+
+
+def noise_origin(calibration: Calibration, component: str) -> str:
+    """Whether a component was estimated or stated, in a word or two."""
+    covariance = calibration.covariance
+    if component in covariance.components.names:
+        return ESTIMATED
+    if not covariance.sources:
+        return _NOT_RECORDED
+    stated = component == "pixel" or any(source.name == component for source in covariance.sources)
+    return STATED if stated else _NOT_FOUND
+
+
+def _component(calibration: Calibration, name: str) -> NoiseRow | None:
+    """A row; None for noise off the sheet where no target lay in it."""
+    if name in calibration.covariance.components.names:
+        return _estimated(calibration.covariance, name)
+    stages = {view.stage for view in calibration.residuals.views}
+    if name != "pixel" and "plane" not in stages:
+        return None
+    meaning, unit = COMPONENTS[name]
+    size = two_digits(calibration.pixel_std) if name == "pixel" else "–"
+    return NoiseRow(name, meaning, size, "–", unit, "–", noise_origin(calibration, name))
+
+
+def _estimated(covariance: Covariance, name: str) -> NoiseRow:
+    """A variance known to relative variance R has a root known to relative √R / 2."""
+    components = covariance.components
+    place = components.names.index(name)
+    relative = float(components.relative_covariance[place, place])
+    size, std = components.std[place], components.std[place] * math.sqrt(relative) / 2.0
+    meaning, unit = COMPONENTS.get(name, ("", ""))
+    freedom = freedom_text(2.0 / relative if relative > 0 else math.inf)
+    return NoiseRow(name, meaning, *rounded(size, std), unit, freedom, ESTIMATED)
+
+
+def _of_target(target: CollinearTarget | None) -> list[NoiseRow]:
+    if target is None:
+        return []
+    tolerance = f"{target.tolerance_mm:g}" if target.tolerance_mm else "0"
+    rows = [
+        NoiseRow(
+            "target length",
+            "each marker's position along the target",
+            tolerance,
+            "–",
+            "mm",
+            "–",
+            STATED if target.tolerance_mm else "the positions are taken as exact",
+        )
+    ]
+    if target.expansion_per_K or target.warmer_by_K or target.warmer_by_std_K:
+        rows.append(
+            NoiseRow(
+                "temperature",
+                f"relative length of the target, {_warming(target)}",
+                f"{target.thermal_std * 1e6:.2g}",
+                "–",
+                "µm/m",
+                "–",
+                STATED,
+            )
+        )
+    return rows
+
+
+def _warming(target: CollinearTarget) -> str:
+    warmer = f"{target.warmer_by_K:g} ± {target.warmer_by_std_K:g} K"
+    expansion = f"({target.expansion_per_K * 1e6:g} ± {target.expansion_std_per_K * 1e6:g})"
+    return f"{warmer} warmer than measured, expansion {expansion} · 10⁻⁶ per K"

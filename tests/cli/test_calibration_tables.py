@@ -1,0 +1,66 @@
+"""What ``sol calibrate`` prints: every laser, every source, by the names of the file."""
+
+from __future__ import annotations
+
+import json
+import math
+from pathlib import Path
+
+import pytest
+
+from sheetoflight.cli.calibrate import calibration_summary, tell_calibration
+from tests.report.examples import (
+    NO_COVARIANCE,
+    SHARES,
+    calibration_of_two_lasers,
+    example_calibration,
+)
+
+Told = pytest.CaptureFixture[str]
+
+
+def tables(printed: str) -> dict[str, list[list[str]]]:
+    """The rows of each table, the headings first, by its title."""
+    found: dict[str, list[list[str]]] = {}
+    title = ""
+    for line in printed.splitlines():
+        if line.startswith(("┃", "│")):
+            found[title].append([cell.strip() for cell in line.strip("┃│").split(line[0])])
+        elif line[:1].isalpha():
+            title = line.strip()
+            found[title] = []
+    return found
+
+
+def test_all_lasers_are_printed_with_their_sources(capsys: Told, tmp_path: Path) -> None:
+    calibration = calibration_of_two_lasers()
+    tell_calibration(calibration)
+    printed = tables(capsys.readouterr().out)
+    calibration.save(tmp_path / "c.json")
+    written = json.loads((tmp_path / "c.json").read_text())["covariance"]
+    estimates = printed["Calibration by method joint"]
+    assert [row[0] for row in estimates[1:]] == written["parameters"]
+    headings, *sources = printed["Standard uncertainty by source"]
+    assert headings[1:] == list(dict.fromkeys(source["name"] for source in written["sources"]))
+    assert [row[0] for row in sources] == written["parameters"]
+    for estimate, source in zip(estimates[1:], sources, strict=True):
+        parts = [float(cell) for cell in source[1:]]
+        assert math.hypot(*parts) == pytest.approx(float(estimate[2]), rel=0.07)
+    noise = [row[0] for row in printed["Noise"][1:]]
+    assert noise[:3] == written["noise"]["components"]
+
+
+def test_programs_get_the_same_by_the_same_names() -> None:
+    calibration = calibration_of_two_lasers()
+    summary = calibration_summary(calibration)
+    assert json.loads(json.dumps(summary, allow_nan=False)) == summary
+    assert [plane["name"] for plane in summary["light_planes"]] == ["left", "right"]
+    assert set(summary["noise_std"]) == {"pixel", "placement", "marker"}
+    for name, std in summary["std"].items():
+        assert set(summary["std_by_source"][name]) == set(SHARES)
+        assert math.hypot(*summary["std_by_source"][name].values()) == pytest.approx(std)
+
+
+def test_a_calibration_without_covariance_is_printed(capsys: Told) -> None:
+    tell_calibration(example_calibration(covariance=NO_COVARIANCE))
+    assert "by source" not in capsys.readouterr().out
