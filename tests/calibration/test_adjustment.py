@@ -20,13 +20,11 @@ from sheetoflight.simulation.poses import (
     crossing_poses,
     crossing_spots,
     in_plane_poses,
-    observed,
     pivot_poses,
     target_points,
 )
 from sheetoflight.simulation.rig import SimulatedRig
 from tests.calibration.examples import simulated, two_lasers
-
 
 TURNS = {("camera", 0), ("camera", 1), ("plane", 2), ("crossing", 3), ("crossing", 4)}
 """Parameters of views that are angles."""

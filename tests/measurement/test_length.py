@@ -14,8 +14,8 @@ from sheetoflight.measurement.triangulation import (
     triangulate_with_jacobians,
 )
 from sheetoflight.model.calibration import Calibration, Residuals
-from sheetoflight.model.covariance import Covariance, NoiseComponents, Source
 from sheetoflight.model.camera import Camera
+from sheetoflight.model.covariance import Covariance, NoiseComponents, Source
 from sheetoflight.model.light_plane import LightPlane
 from sheetoflight.model.target import CollinearTarget
 

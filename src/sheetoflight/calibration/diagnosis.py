@@ -10,23 +10,31 @@ stand in one table; the one that chance could least bring about is named.
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.special import fdtrc
 
-from sheetoflight.calibration.fitting import Fit
-from sheetoflight.calibration.noise import PIXEL, PLACEMENT
+from sheetoflight.calibration.adjustment import Adjustment
+from sheetoflight.calibration.fitting import Fit, fitted
+from sheetoflight.calibration.noise import MARKER, PIXEL, PLACEMENT
 from sheetoflight.calibration.residual_tests import exact
-from sheetoflight.calibration.rig_state import LOCAL_SIZE
+from sheetoflight.calibration.rig_state import LOCAL_SIZE, RigState
 from sheetoflight.estimation.block_least_squares import scaled_inverse
-from sheetoflight.estimation.variance_components import Contrasts
+from sheetoflight.estimation.variance_components import (
+    Contrasts,
+    reduced_model,
+    variance_components,
+)
 from sheetoflight.geometry.directions import Array, normalised
 from sheetoflight.model.camera import Camera
 from sheetoflight.model.diagnosis import Finding
 
 _SIGNIFICANT = 1e-5
 """Odds of chance, all trials counted, below which a fault is told."""
+
+_TOLERANCES = 1.5**0.5
+"""Standard deviation of a middle marker's offset from between the ends, in tolerances of one."""
 
 _NOISY = 1e-3
 """The same for scatter that differs between stages or directions, which spoils the weights."""
@@ -49,6 +57,8 @@ class _Hypothesis:
     remedy : str
     trials : int
         How many alike hypotheses are tried, this being the best of them.
+    tolerance : float
+        Standard deviation that the first parameter has without any fault.
     """
 
     stage: str
@@ -57,6 +67,7 @@ class _Hypothesis:
     text: str
     remedy: str
     trials: int = 1
+    tolerance: float = 0.0
 
 
 def findings(fit: Fit) -> tuple[Finding, ...]:
@@ -67,21 +78,92 @@ def findings(fit: Fit) -> tuple[Finding, ...]:
     fit : Fit
         Of all stages together.
     """
+    plain = without_placement(fit)
     try:
-        tested = _Tested.of(fit)
+        tested = _Tested.of(plain)
     except np.linalg.LinAlgError:
         return ()
     if sum(tested.freedom.values()) < 3:
         return ()
-    found = [
-        finding
-        for hypothesis in _hypotheses(fit)
-        if (finding := tested.finding(hypothesis)) is not None
+    best: dict[str, tuple[float, _Hypothesis]] = {}
+    for hypothesis in _hypotheses(plain):
+        fall = tested.fall(hypothesis)
+        if fall > best.get(hypothesis.cause, (0.0, hypothesis))[0]:
+            best[hypothesis.cause] = (fall, hypothesis)
+    found = [confirmed(fit, tested, hypothesis) for _, hypothesis in best.values()]
+    told = sorted((f for f in found if f is not None), key=lambda finding: -finding.explained)
+    return (*told, *_bent_anyhow(fit, tested), *_noisy_stages(fit))
+
+
+def without_placement(fit: Fit) -> Fit:
+    """The fit with the targets taken to lie in their sheets: what hides behind placement noise
+    shows again."""
+    if not fit.noise.variances[PLACEMENT:].any():
+        return fit
+    variances, free = fit.noise.variances.copy(), fit.noise.free.copy()
+    variances[PLACEMENT:], free[PLACEMENT:] = 0.0, False
+    noise = replace(fit.noise, variances=variances, free=free)
+    stages, parameters = fit.adjustment.stages, fit.adjustment.parameters
+    return fitted(fit.rig, stages, parameters, fit.state, noise, "joint")
+
+
+def confirmed(fit: Fit, tested: _Tested, hypothesis: _Hypothesis) -> Finding | None:
+    """A hypothesis as a finding, if it holds with the noise estimated anew beside it.
+
+    Placement noise would pass for a fault, and a fault for placement noise, were the noise's
+    sizes taken from a fit without the other; so both are estimated together (Wald's test).
+    """
+    size = fit.adjustment.shared_size
+    count = next(iter(hypothesis.columns.values())).shape[-1]
+    groups = [
+        group.widened(hypothesis.columns.get(stage, None), size, count)
+        for stage, group in zip(tested.stages, tested.widest(fit), strict=True)
     ]
-    best: dict[str, Finding] = {}
-    for finding in sorted(found, key=lambda finding: -finding.explained):
-        best.setdefault(finding.cause, finding)
-    return (*best.values(), *_bent_anyhow(fit, tested), *_noisy_stages(fit))
+    try:
+        # a stated size may be wrong just where a fault is sought
+        free = fit.noise.free | (np.arange(len(fit.noise.free)) == PIXEL)
+        start = np.where(free, np.maximum(tested.sizes, 1e-12), fit.noise.variances)
+        sizes = variance_components(groups, size + count, start, free).sizes
+        model = reduced_model(groups, size + count, sizes)
+        covariance = scaled_inverse(model.information)[0]
+    except np.linalg.LinAlgError:
+        return None
+    estimate = -covariance @ model.gradient
+    amount, own = estimate[size:], covariance[size:, size:]
+    spread = own + np.diag(np.full(count, hypothesis.tolerance**2))
+    placed_off = bool(sizes[PLACEMENT:].any())
+    rest = _freedom(tested, hypothesis, count, placed_off)
+    if rest < 1:
+        return None
+    ratio = float(amount @ np.linalg.solve(spread, amount)) / count
+    odds = hypothesis.trials * float(fdtrc(count, rest, ratio))
+    if not odds <= _SIGNIFICANT:
+        return None
+    text = hypothesis.text.format(
+        size=float(amount[0]),
+        std=float(np.sqrt(spread[0, 0])),
+        norm=float(np.linalg.norm(amount)),
+    )
+    alone = np.linalg.inv(model.information[:size, :size])
+    pulled = model.information[:size, size:] @ amount
+    return Finding(
+        hypothesis.stage,
+        hypothesis.cause,
+        text,
+        hypothesis.remedy,
+        explained=tested.explained(groups, estimate),
+        odds=min(odds, 1.0),
+        shift=float(np.sqrt(max(pulled @ alone @ pulled, 0.0))),
+    )
+
+
+def _freedom(tested: _Tested, hypothesis: _Hypothesis, count: int, placed_off: bool) -> float:
+    """Degrees of freedom of the scatter that the hypothesis is judged by."""
+    if placed_off and tuple(hypothesis.columns) == ("plane",):
+        # a target's ends lie off its sheet together: each view is one independent witness
+        views = len(tested.groups[tested.stages.index("plane")].values)
+        return float(views - count)
+    return sum(tested.freedom[stage] for stage in hypothesis.columns) - count
 
 
 @dataclass(frozen=True)
@@ -94,6 +176,9 @@ class _Tested:
     covariance: Array
     chi2: dict[str, float]
     freedom: dict[str, float]
+    adjustment: Adjustment
+    state: RigState
+    sizes: Array
 
     @classmethod
     def of(cls, fit: Fit) -> _Tested:
@@ -109,10 +194,20 @@ class _Tested:
             pull = np.swapaxes(group.by_shared, 1, 2) @ inverse @ group.by_shared
             observed = 2 * int(views.seen.sum()) - LOCAL_SIZE[stage] * len(views)
             freedom[stage] = observed - float(np.sum(own * pull.sum(axis=0)))
-        return cls(tuple(fit.adjustment.stages), groups, inverses, covariance, chi2, freedom)
+        return cls(
+            tuple(fit.adjustment.stages),
+            groups,
+            inverses,
+            covariance,
+            chi2,
+            freedom,
+            fit.adjustment,
+            fit.state,
+            np.maximum(fit.noise.variances, 0.0),
+        )
 
-    def finding(self, hypothesis: _Hypothesis) -> Finding | None:
-        """The hypothesis as a finding, if chance hardly brings it about."""
+    def fall(self, hypothesis: _Hypothesis) -> float:
+        """How much chi-squared would fall if the hypothesis were estimated."""
         size = len(self.covariance)
         count = next(iter(hypothesis.columns.values())).shape[-1]
         gradient, own = np.zeros(count), np.zeros((count, count))
@@ -126,39 +221,22 @@ class _Tested:
             own += np.sum(pull @ moved, axis=0)
             mixed[:, group.columns] += np.sum(pull @ group.by_shared, axis=0)
         left = own - mixed @ self.covariance @ mixed.T
-        scale = np.sqrt(np.maximum(np.diag(own), 1e-300))
-        scaled = left / np.outer(scale, scale)
-        values, vectors = np.linalg.eigh(scaled)
-        kept = values > 1e-9
-        if not kept.any():
-            return None
-        inverse = (vectors[:, kept] / values[kept]) @ vectors[:, kept].T / np.outer(scale, scale)
-        fall, rank = float(gradient @ inverse @ gradient), int(kept.sum())
-        # judged by the stages that the fault acts in: others may be quieter
-        chi2 = sum(self.chi2[stage] for stage in hypothesis.columns)
-        rest = sum(self.freedom[stage] for stage in hypothesis.columns) - rank
-        if rest < 1 or not fall > 0:
-            return None
-        variance = max((chi2 - fall) / rest, 1e-12 * chi2)
-        odds = hypothesis.trials * float(fdtrc(rank, rest, fall / rank / variance))
-        if odds > _SIGNIFICANT:
-            return None
-        amount = -inverse @ gradient
-        std = np.sqrt(variance * np.diag(inverse))
-        text = hypothesis.text.format(
-            size=float(amount[0]), std=float(std[0]), norm=float(np.linalg.norm(amount))
-        )
-        pulled = mixed.T @ amount
-        shift = float(np.sqrt(max(pulled @ self.covariance @ pulled, 0.0)))
-        return Finding(
-            hypothesis.stage,
-            hypothesis.cause,
-            text,
-            hypothesis.remedy,
-            explained=min(fall / sum(self.chi2.values()), 1.0),
-            odds=min(odds, 1.0),
-            shift=shift,
-        )
+        scale = 1.0 / np.sqrt(np.maximum(np.diag(own), 1e-300))
+        inverse = np.linalg.pinv(left * scale[:, None] * scale, rcond=1e-9, hermitian=True)
+        return float(gradient * scale @ inverse @ (scale * gradient))
+
+    def widest(self, fit: Fit) -> list[Contrasts]:
+        """The same contrasts with all noise components that are estimated."""
+        return fit.noise.contrasts(self.adjustment, self.state, {})
+
+    def explained(self, groups: Sequence[Contrasts], estimate: Array) -> float:
+        """Share of the residuals' squares that estimated parameters take away."""
+        before = sum(self.chi2.values())
+        after = 0.0
+        for group, inverse in zip(groups, self.inverses, strict=True):
+            values = group.values + group.by_shared @ estimate[group.columns]
+            after += float(np.einsum("ni,nij,nj->", values, inverse, values))
+        return min(max(1.0 - after / before, 0.0), 1.0)
 
 
 def _hypotheses(fit: Fit) -> Iterator[_Hypothesis]:
@@ -219,6 +297,7 @@ def _marker_distances(fit: Fit) -> Iterator[_Hypothesis]:
             columns,
             f"marker {marker} lies {{size:+.3g}} ± {{std:.1g}} mm from where markers_mm has it",
             "measure the distances of the markers again",
+            tolerance=_TOLERANCES * fit.rig.target.tolerance_mm,
         )
 
 
@@ -294,11 +373,11 @@ def _moved_lasers(fit: Fit) -> Iterator[_Hypothesis]:
     place = fit.adjustment.placed(fit.state, "plane")
     for laser, name in enumerate(fit.rig.lasers):
         mine = np.flatnonzero(views.lasers == laser)
-        if len(mine) < 4:
+        if len(mine) < 6:
             continue
         moves = [place.by_shared[..., 3 * laser + part] for part in range(3)]
         whole = _images(fit, "plane", moves)
-        changes = range(2, len(mine) - 1)
+        changes = range(3, len(mine) - 2)
         for first in changes:
             late = np.zeros(len(views), dtype=bool)
             late[mine[first:]] = True
@@ -316,9 +395,11 @@ def _moved_lasers(fit: Fit) -> Iterator[_Hypothesis]:
 def _bent_anyhow(fit: Fit, tested: _Tested) -> list[Finding]:
     """Markers that scatter about the target's line more than along it, as those of a bent target
     that is held with another side towards the camera each time."""
-    squares, count = _whole_scatter(fit)
-    rest = sum(tested.freedom.values()) - count
-    left = sum(tested.chi2.values()) - squares
+    # single markers off their sheet are a noise of their own
+    stages = [s for s in tested.stages if s != "plane" or not fit.noise.free[MARKER]]
+    squares, count = _whole_scatter(fit, stages)
+    rest = sum(tested.freedom[s] for s in stages) - count
+    left = sum(tested.chi2[s] for s in stages) - squares
     if count < 3 or rest < 3 or not left > 0:
         return []
     ratio = (squares / count) / (left / rest)
@@ -388,9 +469,9 @@ def suspicious(fit: Fit) -> bool:
     return not _ODD_TAIL < float(fdtrc(rest, count, max(ratio, 0.0))) < 1.0 - _ODD_TAIL
 
 
-def _whole_scatter(fit: Fit) -> tuple[float, int]:
-    """`_line_scatter` of all stages together."""
-    parts = [_line_scatter(fit, stage) for stage in fit.adjustment.stages]
+def _whole_scatter(fit: Fit, stages: Sequence[str] | None = None) -> tuple[float, int]:
+    """`_line_scatter` of stages together, of all by default."""
+    parts = [_line_scatter(fit, stage) for stage in stages or fit.adjustment.stages]
     return sum(square for square, _ in parts), sum(count for _, count in parts)
 
 

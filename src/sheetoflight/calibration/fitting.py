@@ -110,7 +110,8 @@ def fitted(
     sizes = _only(noise, stages)
     if not sizes.any() or adjustment.degrees_of_freedom < 1:
         return Fit(rig, adjustment, solution, noise, np.zeros((3, 3)))
-    if not sizes[PLACEMENT:].any():
+    weights_change = "plane" in stages and noise.variances[PLACEMENT:].any()
+    if not (sizes[PLACEMENT:].any() or weights_change):
         return _with_pixel_noise(Fit(rig, adjustment, solution, noise, np.zeros((3, 3))))
     return _with_components(rig, adjustment, solution, noise, sizes, stage)
 
@@ -144,10 +145,11 @@ def _with_components(
     variances = noise.variances.copy()
     if free[PIXEL]:
         variances[PIXEL] *= max(2.0 * solution.cost / adjustment.degrees_of_freedom, 1e-12)
-    free = free & _asked_for(noise, adjustment, solution.state, variances, free)
-    if not free[PLACEMENT:].any():
-        fit = Fit(rig, adjustment, solution, noise, np.zeros((3, 3)))
-        return _with_pixel_noise(fit) if free[PIXEL] else fit
+    if free[PLACEMENT:].any():
+        free = free & _asked_for(noise, adjustment, solution.state, variances, free)
+        if not free[PLACEMENT:].any():
+            fit = Fit(rig, adjustment, solution, noise, np.zeros((3, 3)))
+            return _with_pixel_noise(fit) if free[PIXEL] else fit
     start = _first_offsets(noise, adjustment, solution.state, variances, free)
     spread = np.zeros((3, 3))
     for _ in range(_NOISE_ROUNDS):
@@ -221,11 +223,16 @@ def _solved(adjustment: Adjustment, state: RigState, stage: str) -> Solution[Rig
     try:
         return solve(adjustment, state)
     except np.linalg.LinAlgError as reason:
-        raise UntrustworthyError(
-            stage,
-            "a view does not determine its own pose",
-            "remove views with fewer than two markers, or with markers that coincide",
-        ) from reason
+        raise no_pose(stage) from reason
+
+
+def no_pose(stage: str) -> UntrustworthyError:
+    """The refusal of views whose own parameters are open."""
+    return UntrustworthyError(
+        stage,
+        "a view does not determine its own pose",
+        "remove views with fewer than two markers, or with markers that coincide",
+    )
 
 
 def undetermined(stage: str) -> UntrustworthyError:

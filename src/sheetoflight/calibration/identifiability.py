@@ -20,6 +20,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.special import chdtri
 
+from sheetoflight.calibration.adjustment import Adjustment
 from sheetoflight.calibration.fitting import Fit, settled
 from sheetoflight.calibration.next_view import next_view, size_of
 from sheetoflight.calibration.noise import PIXEL
@@ -227,10 +228,7 @@ def _follow_valley(
     base = sum(block.cost for block in whole.blocks(fit.state))
     limit = float(chdtri(1, _CHANCE))
     for side in (_FOLLOWED, -_FOLLOWED):
-        moved = _moved(fit, side * column)
-        if moved is None:
-            continue
-        rise = 2.0 * (settled(held, moved, stage).cost - base)
+        rise = 2.0 * (_cost_beside(fit, held, side * column, stage) - base)
         if rise < limit:
             shift = abs(side) * weakness.relative_std
             text = (
@@ -239,6 +237,15 @@ def _follow_valley(
                 f"{rise:+.1f} where {_FOLLOWED**2:.0f} was to be expected)"
             )
             raise _refusal(fit, information, weakness, text)
+
+
+def _cost_beside(fit: Fit, held: Adjustment, step: Array, stage: str) -> float:
+    """Least cost near a step away; infinite where no such rig could be seen like this."""
+    try:
+        moved = _moved(fit, step)
+        return np.inf if moved is None else settled(held, moved, stage).cost
+    except (np.linalg.LinAlgError, UntrustworthyError):
+        return np.inf
 
 
 def _moved(fit: Fit, step: Array) -> RigState | None:

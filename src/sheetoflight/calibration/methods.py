@@ -34,7 +34,7 @@ Method = Callable[[Rig, NoiseModel, CalibrationOptions, Fit | None], Outcome]
 
 METHODS: Mapping[str, Method] = {
     "joint": lambda rig, noise, _, fit: joint(rig, noise, fit),
-    "two-step": lambda rig, noise, _, __: two_step(rig, noise),
+    "two-step": lambda rig, noise, _, fit: two_step(rig, noise, fit),
     "paper": lambda rig, noise, options, _: paper(rig, noise, options.paper),
 }
 

@@ -8,14 +8,14 @@ Statistics 6(2), 1978).
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
 from sheetoflight.calibration.diagnosis import findings, suspicious
-from sheetoflight.calibration.fitting import Fit, fitted
+from sheetoflight.calibration.fitting import Fit
 from sheetoflight.calibration.identifiability import roughly_determined
-from sheetoflight.calibration.noise import PLACEMENT, NoiseModel, chi2_limit, noise_model
+from sheetoflight.calibration.noise import chi2_limit, noise_model
 from sheetoflight.calibration.outliers import Cleaned, cleaned, looks_wrong
 from sheetoflight.calibration.rig_state import ANCHOR, sheet_names
 from sheetoflight.calibration.search import best_fit
@@ -72,7 +72,7 @@ def screened(rig: Rig) -> Screened:
     wrong = looks_wrong(fit)
     if not wrong and not (_too_noisy(fit) or suspicious(fit)):
         return Screened(rig, fit)
-    told = findings(_without_placement(fit))
+    told = findings(fit)
     if not wrong:
         return _with_findings(Screened(rig, fit, (), told))
     try:
@@ -101,7 +101,7 @@ def _screened_of_gross_errors(rig: Rig, others: tuple[str, ...], fit: Fit | None
 def _without_what_is_wrong(left: Cleaned, fit: Fit) -> Screened:
     words = tuple(entry.in_words for entry in left.wrong)
     worth_it = fit.solution.converged and suspicious(fit)
-    rest = findings(_without_placement(fit)) if worth_it else ()
+    rest = findings(fit) if worth_it else ()
     return _with_findings(Screened(left.rig, fit, words, rest))
 
 
@@ -127,18 +127,6 @@ def _too_noisy(fit: Fit) -> bool:
     """Whether the residuals exceed the stated noise."""
     freedom = fit.degrees_of_freedom
     return freedom > 0 and fit.chi2 > chi2_limit(freedom)
-
-
-def _without_placement(fit: Fit) -> Fit:
-    """The fit with the targets taken to lie in their sheets: what hides behind placement noise
-    shows again."""
-    if not fit.noise.variances[PLACEMENT:].any():
-        return fit
-    variances, free = fit.noise.variances.copy(), fit.noise.free.copy()
-    variances[PLACEMENT:], free[PLACEMENT:] = 0.0, False
-    noise: NoiseModel = replace(fit.noise, variances=variances, free=free)
-    adjustment = fit.adjustment
-    return fitted(fit.rig, adjustment.stages, adjustment.parameters, fit.state, noise, "joint")
 
 
 def _simpler(fit: Fit, finding: Finding, clean: Fit, left: Cleaned) -> bool:
@@ -170,7 +158,8 @@ def refuse_misleading(told: tuple[Finding, ...]) -> None:
     for finding in told:
         if finding.cause in _NOISE_CAUSES:
             continue
-        if finding.shift > _MISLEADING_SHIFT or finding.explained > _MISLEADING_SHARE:
+        shifted = finding.shift > _MISLEADING_SHIFT
+        if shifted or (finding.explained > _MISLEADING_SHARE and finding.shift > 0):
             raise UntrustworthyError(
                 finding.stage,
                 f"{finding.text}, which explains {finding.explained:.0%} of the residuals",

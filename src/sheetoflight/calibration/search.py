@@ -88,8 +88,12 @@ def _best_pinhole(
             continue
         # first what follows from the camera, then all: depths that the camera's error has put
         # far off would lead astray
-        held = settled(noise.adjustment(rig, stages, others, state), state, stage)
-        solution = settled(noise.adjustment(rig, stages, free, state), held.state, stage)
+        try:
+            held = settled(noise.adjustment(rig, stages, others, state), state, stage)
+            solution = settled(noise.adjustment(rig, stages, free, state), held.state, stage)
+        except UntrustworthyError as reason:
+            refusal = refusal or reason
+            continue
         again = abs(solution.cost - cost) <= _SAME_MINIMUM * cost
         if solution.cost < cost:
             best, cost = solution.state, solution.cost

@@ -18,34 +18,49 @@ from sheetoflight.geometry.directions import Array
 from sheetoflight.model.rig import Rig
 
 
-def two_step(rig: Rig, noise: NoiseModel) -> Outcome:
+def two_step(rig: Rig, noise: NoiseModel, fit: Fit | None = None) -> Outcome:
     """Camera from the pivoting target alone; sheets from all other views, the camera held.
+
+    Parameters
+    ----------
+    rig : Rig
+    noise : NoiseModel
+    fit : Fit, optional
+        The joint fit, where there is one: it tells how large the noise is. In the second step's
+        own residuals the camera's error would pass for noise.
 
     Raises
     ------
     UntrustworthyError
         If the views of a step do not determine what it is to estimate.
     """
-    camera, weak = camera_alone(rig, noise)
+    told = None if fit is None else fit.noise
+    camera, weak = camera_alone(rig, noise if told is None else _known(told))
     stages = {s: v for s, v in rig.observations.stages().items() if s != "camera"}
     sheets = sheet_names(len(rig.lasers))
     start = with_sheets(rig, evidence(rig), camera.state)
-    fit = fitted(rig, stages, sheets, start, with_known_pixel_noise(camera), "plane")
-    weak = (*weak, *require_determined(fit, "plane"))
-    require_open_sheets(fit)
+    noise_now = with_known_pixel_noise(camera) if told is None else _known(told)
+    sheet = fitted(rig, stages, sheets, start, noise_now, "plane")
+    weak = (*weak, *require_determined(sheet, "plane"))
+    require_open_sheets(sheet)
     names = intrinsic_names(rig.free_intrinsics)
-    joined = _joined(camera, fit)
-    told = replace(fit, size_covariance=joined.size_covariance)
-    first, second = influence(camera, names, "camera"), influence(told, sheets, "plane")
-    both = chained(first, second, _slope_by_camera(rig, fit, names, sheets))
-    return Outcome(fit.state, both, (camera, fit), joined, weak)
+    spread = _size_covariance(camera, sheet) if fit is None else fit.size_covariance
+    camera, sheet = (replace(step, size_covariance=spread) for step in (camera, sheet))
+    first, second = influence(camera, names, "camera"), influence(sheet, sheets, "plane")
+    both = chained(first, second, _slope_by_camera(rig, sheet, names, sheets))
+    joined = replace(camera, noise=sheet.noise)
+    return Outcome(sheet.state, both, (camera, sheet), joined, weak)
 
 
-def _joined(camera: Fit, sheet: Fit) -> Fit:
-    """The camera's fit with what the in-plane views told of the placement noise."""
+def _known(noise: NoiseModel) -> NoiseModel:
+    return replace(noise, free=np.zeros_like(noise.free))
+
+
+def _size_covariance(camera: Fit, sheet: Fit) -> Array:
+    """The camera stage told the pixel noise, the in-plane views the placement noise."""
     spread = sheet.size_covariance.copy()
     spread[PIXEL, PIXEL] = camera.size_covariance[PIXEL, PIXEL]
-    return replace(camera, noise=sheet.noise, size_covariance=spread)
+    return spread
 
 
 def _slope_by_camera(rig: Rig, fit: Fit, names: tuple[str, ...], sheets: tuple[str, ...]) -> Array:

@@ -5,9 +5,15 @@ from __future__ import annotations
 import numpy as np
 
 from sheetoflight.errors import InputError
+from sheetoflight.geometry.lines import fitted_line
 from sheetoflight.model.rig import Rig
 
 _SAME_POINT_PX = 1e-6
+
+_NOISE_FLOOR_PX = 5.0
+"""Where a target is seen almost end on, noise alone puts its markers out of order."""
+
+_MOST_VIEWS = 0.5
 
 
 def refuse_unusable_views(rig: Rig) -> None:
@@ -40,3 +46,25 @@ def refuse_unusable_views(rig: Rig) -> None:
                     f"view {name} of stage {stage}: two markers have the same image point",
                     "detect its markers again, or remove the view",
                 )
+    _refuse_misnumbered_markers(rig)
+
+
+def _refuse_misnumbered_markers(rig: Rig) -> None:
+    """Single views with their markers in another order are found wrong later; where it is most of
+    a stage, the numbering itself is."""
+    markers = len(rig.target.markers_mm)
+    for stage, views in rig.observations.stages().items():
+        whole = views.seen[:, :markers].all(axis=1)
+        if not whole.any():
+            continue
+        uv = views.uv[whole, :markers]
+        centre, direction = fitted_line(uv)
+        along = np.sum((uv - centre[:, None]) * direction[:, None], axis=-1)
+        disordered = (np.diff(along, axis=1) < -_NOISE_FLOOR_PX).any(axis=1)
+        if disordered.mean() > _MOST_VIEWS:
+            first = np.array(views.names)[whole][disordered][0]
+            raise InputError(
+                f"in {disordered.sum()} of {len(uv)} views of stage {stage} the markers are not in "
+                f"their order along the target, first in view {first}",
+                "number the markers along the target from 0, as markers_mm lists them",
+            )

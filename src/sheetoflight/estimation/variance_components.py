@@ -11,7 +11,7 @@ Fisher scoring, with θ_k ≥ 0.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -59,10 +59,25 @@ class Contrasts:
         observed = sum(sizes[k] * part for k, part in self.variances)
         return observed + float(np.max(observed, initial=0.0)) * self.unseen
 
+    def widened(self, own: Array | None, first: int, count: int) -> Contrasts:
+        """With further parameters.
 
-def contrasts(
-    block: Block, variances: Sequence[tuple[int, Array]], seen: np.ndarray
-) -> Contrasts:
+        Parameters
+        ----------
+        own : (N, r, count) array, optional
+            Derivatives of the groups' residuals by them; absent where they move nothing.
+        first : int
+            Number of the first of them among all shared parameters.
+        count : int
+        """
+        if own is None:
+            return self
+        columns = np.concatenate([self.columns, np.arange(first, first + count)])
+        by_shared = np.concatenate([self.by_shared, self.across @ own], axis=2)
+        return replace(self, by_shared=by_shared, columns=columns)
+
+
+def contrasts(block: Block, variances: Sequence[tuple[int, Array]], seen: np.ndarray) -> Contrasts:
     """Eliminate the groups' own parameters.
 
     Parameters
@@ -258,7 +273,5 @@ def _score(groups: Sequence[Contrasts], size: int, sizes: Array) -> tuple[Array,
                 fisher[k, other] += crossed - 2.0 * np.sum(own * between.sum(axis=0))
     for k in range(count):
         for other in range(count):
-            fisher[k, other] += np.sum(
-                (covariance @ mixed[k]) * (covariance @ mixed[other]).T
-            )
+            fisher[k, other] += np.sum((covariance @ mixed[k]) * (covariance @ mixed[other]).T)
     return score, 0.5 * (fisher + fisher.T), scale
