@@ -9,6 +9,7 @@ from pathlib import Path
 import pytest
 
 from sheetoflight.cli.calibrate import calibration_summary, tell_calibration
+from sheetoflight.model.diagnosis import Finding
 from tests.report.examples import (
     NO_COVARIANCE,
     SHARES,
@@ -59,6 +60,15 @@ def test_programs_get_the_same_by_the_same_names() -> None:
     for name, std in summary["std"].items():
         assert set(summary["std_by_source"][name]) == set(SHARES)
         assert math.hypot(*summary["std_by_source"][name].values()) == pytest.approx(std)
+
+
+def test_programs_get_the_findings(tmp_path: Path) -> None:
+    finding = Finding("lens", "unmodelled distortion", "k1", "estimate it", 0.4, 1e-12, 1.5)
+    calibration = example_calibration(findings=(finding,))
+    calibration.save(tmp_path / "c.json")
+    written = json.loads((tmp_path / "c.json").read_text())["findings"]
+    assert calibration_summary(calibration)["findings"] == written
+    assert (written[0]["cause"], written[0]["explained"]) == ("unmodelled distortion", 0.4)
 
 
 def test_a_calibration_without_covariance_is_printed(capsys: Told) -> None:

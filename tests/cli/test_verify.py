@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
 from sheetoflight.cli.main import main
-from tests.known_lengths import calibrated, true_ends, write_segments
+from sheetoflight.model.light_plane import LightPlane
+from tests.known_lengths import RIG, calibrated, true_ends, write_segments
 
 Words = Callable[..., tuple[int, str, str]]
 BARS_MM = [150.0, 300.0, 450.0]
@@ -90,6 +92,19 @@ def test_json_is_for_programs(sol: Words, tmp_path: Path) -> None:
     assert segment["decision"] is None
     assert [one["segment"] for one in printed["not_judged"]] == ["s0", "s2"]
     assert sol("--json", known="s1,300\n")[1] == out
+
+
+def test_with_several_lasers_one_is_named(sol: Words, tmp_path: Path) -> None:
+    one = calibrated()
+    other = LightPlane(RIG.light_plane.normal * [1, -1, 1], 1.1 * one.light_plane.distance_mm, "b")
+    replace(one, light_planes=(one.light_plane, other)).save(tmp_path / "calibration.json")
+    status, out, error = sol()
+    assert (status, out) == (2, "")
+    assert "laser" in error
+    assert sol("--laser", "laser")[0] == 0
+    status, _, error = sol("--laser", "c")
+    assert (status, error.count("\n")) == (2, 1)
+    assert "the laser 'c', which the calibration does not have" in error
 
 
 @pytest.mark.parametrize(

@@ -24,6 +24,7 @@ from sheetoflight.io.calibration_json import (
 )
 from sheetoflight.model.calibration import Calibration, Residuals
 from sheetoflight.model.covariance import Covariance, NoiseComponents, Source
+from sheetoflight.model.diagnosis import Finding
 from sheetoflight.model.light_plane import LightPlane
 
 Change = Callable[[dict[str, Any]], object]
@@ -68,6 +69,33 @@ def test_what_is_read_is_written_with_the_same_bytes(tmp_path: Path, calibration
     write_calibration(tmp_path / "first.json", calibration)
     write_calibration(tmp_path / "second.json", read_calibration(tmp_path / "first.json"))
     assert (tmp_path / "first.json").read_bytes() == (tmp_path / "second.json").read_bytes()
+
+
+FINDINGS = (
+    Finding("target", "bent target", "bent by 0.1 ± 0.02 mm", "straighten it", 1 / 3, 1e-9, 0.7),
+    Finding("plane", "noisy stage", "scatters 3 times as much", "focus", 0.0, 0.0),
+)
+
+
+def test_findings_come_back_exactly(tmp_path: Path, calibration: Calibration):
+    told = replace(calibration, findings=FINDINGS)
+    write_calibration(tmp_path / "c.json", told)
+    assert read_calibration(tmp_path / "c.json").findings == FINDINGS
+    write_calibration(tmp_path / "d.json", read_calibration(tmp_path / "c.json"))
+    assert (tmp_path / "c.json").read_bytes() == (tmp_path / "d.json").read_bytes()
+
+
+@pytest.mark.parametrize(
+    ("key", "value"), [("explained", 1.2), ("odds", -1e-9), ("shift", -1), ("text", "")], ids=str
+)
+def test_findings_that_are_none_are_named_with_their_key(
+    tmp_path: Path, calibration: Calibration, key: str, value: object
+):
+    document = json.loads(calibration_text(replace(calibration, findings=FINDINGS)))
+    document["findings"][1][key] = value
+    (tmp_path / "c.json").write_text(json.dumps(document))
+    with pytest.raises(InputError, match=rf"c.json: findings\[1\].{key} is "):
+        read_calibration(tmp_path / "c.json")
 
 
 def test_where_the_covariance_comes_from_comes_back_exactly(tmp_path: Path, explained: Calibration):

@@ -200,7 +200,7 @@ def test_the_scatter_by_chance_is_what_is_said() -> None:
 
 
 def test_drawn_noise_sizes_give_students_interval_for_one_and_too_wide_ones_for_two() -> None:
-    """The figures of docs/monte-carlo.md: a noise of unknown size drawn from its scaled inverse
+    """The figures of docs/uncertainty.md: a noise of unknown size drawn from its scaled inverse
     chi-squared distribution, each of four degrees of freedom."""
     rng = np.random.default_rng(10)
     count = 1_000_000

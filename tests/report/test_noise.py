@@ -9,7 +9,7 @@ import pytest
 
 from sheetoflight.model.covariance import NoiseComponents
 from sheetoflight.model.target import CollinearTarget
-from sheetoflight.report.noise import ESTIMATED, STATED, noise_origin, noise_rows
+from sheetoflight.report.noise import ESTIMATED, STATED, NoiseRow, noise_origin, noise_rows
 from tests.report.examples import NO_COVARIANCE, calibration_of_two_lasers, facing_calibration
 
 
@@ -44,6 +44,30 @@ def without_components(calibration):
     covariance = calibration.covariance
     sources = tuple(replace(source, component=None) for source in covariance.sources)
     return replace(covariance, sources=sources, components=NoiseComponents())
+
+
+def placement_row(stated: object) -> NoiseRow:
+    calibration = calibration_of_two_lasers(provenance={"stated_placement_std_mm": stated})
+    free = replace(calibration, covariance=without_components(calibration))
+    return {row.name: row for row in noise_rows(free)}["placement"]
+
+
+def test_a_stated_placement_error_is_told_with_its_size():
+    assert (placement_row(0.25).size, placement_row(0.25).origin) == ("0.25", STATED)
+    assert (placement_row(0.0).size, placement_row(0.0).origin) == ("0", "stated as none")
+    assert "show none" in placement_row(None).origin
+
+
+@pytest.mark.parametrize("nonsense", [True, "0.25", -1.0, [0.25], float("inf")], ids=repr)
+def test_a_provenance_that_holds_no_size_is_not_taken_for_one(nonsense: object):
+    assert placement_row(nonsense).size == "–"
+
+
+def test_the_estimate_goes_before_what_was_stated():
+    calibration = calibration_of_two_lasers(provenance={"stated_placement_std_mm": None})
+    rows = {row.name: row for row in noise_rows(calibration)}
+    assert rows["placement"].origin == ESTIMATED
+    assert float(rows["placement"].size) == pytest.approx(0.3, rel=0.05)
 
 
 def test_a_file_that_does_not_say_is_not_interpreted():

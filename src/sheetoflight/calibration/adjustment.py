@@ -10,6 +10,7 @@ markers – is common.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from functools import lru_cache
 
 import numpy as np
 
@@ -51,14 +52,12 @@ class Adjustment:
         self.parameters = free
         self.whiteners = dict(whiteners or {})
         self._intrinsics = [i for i, name in enumerate(CAMERA) if name in free]
+        seen = {stage: views.seen for stage, views in self.stages.items()}
         self._weights = {
-            stage: np.where(views.seen, 1.0 / std[stage], 0.0)[..., None]
-            for stage, views in self.stages.items()
+            stage: np.repeat(np.where(mask, 1.0 / std[stage], 0.0), 2, axis=1)
+            for stage, mask in seen.items()
         }
-        self._observed = {
-            stage: np.where(views.seen[..., None], views.uv, 0.0)
-            for stage, views in self.stages.items()
-        }
+        self._hidden = {stage: None if mask.all() else ~mask for stage, mask in seen.items()}
 
     @property
     def shared_size(self) -> int:
@@ -113,38 +112,26 @@ class Adjustment:
             Further derivatives of the image points, px per unit, behind those.
         """
         views, place = self.stages[stage], self.placed(state, stage)
-        names = placement_names(stage, len(state.distances))
-        free = [i for i, name in enumerate(names) if name in self.parameters]
+        free, columns = _free_columns(self.parameters, stage, len(state.distances))
         uv, by_point, by_camera = state.camera.project_with_jacobians(
             place.points, self._intrinsics
         )
-        seen = views.seen[..., None]
-        residuals = np.where(seen, uv - self._observed[stage], 0.0)
-        by_point = np.where(seen[..., None], by_point, 0.0)
-        by_shared = [
-            np.where(seen[..., None], by_camera, 0.0),
-            by_point @ place.by_shared[..., free],
-            *((by_point @ move[..., None]) for move in moves),
-        ]
+        by_shared = [by_camera, by_point @ place.by_shared[..., free]]
+        if moves:
+            by_shared.append(by_point @ np.stack(moves, axis=-1))
         if own is not None:
-            by_shared.append(np.where(seen[..., None], own, 0.0))
-        count, markers = residuals.shape[:2]
+            by_shared.append(own)
+        count, markers = uv.shape[:2]
         extra = len(moves) + (0 if own is None else own.shape[-1])
-        columns = [
-            *self._intrinsics_columns(),
-            *self.columns_of([names[i] for i in free]),
-            *range(self.shared_size, self.shared_size + extra),
-        ]
-        return Block(
-            residuals=residuals.reshape(count, 2 * markers),
+        further = np.arange(self.shared_size, self.shared_size + extra)
+        block = Block(
+            residuals=(uv - views.uv).reshape(count, 2 * markers),
             by_shared=np.concatenate(by_shared, axis=-1).reshape(count, 2 * markers, -1),
-            columns=np.array(columns, dtype=int),
+            columns=np.concatenate([columns, further]),
             by_local=(by_point @ place.by_local).reshape(count, 2 * markers, -1),
         )
-
-    def _intrinsics_columns(self) -> range:
-        """Camera parameters come first among the free ones."""
-        return range(len(self._intrinsics))
+        hidden = self._hidden[stage]
+        return block if hidden is None else _silenced(block, np.repeat(hidden, 2, axis=1))
 
     def _whitened(self, stage: str, block: Block) -> Block:
         if stage in self.whiteners:
@@ -153,10 +140,34 @@ class Adjustment:
             return Block(
                 residuals, whitener @ block.by_shared, block.columns, whitener @ block.by_local
             )
-        weights = np.repeat(self._weights[stage][..., 0], 2, axis=1)
+        weights = self._weights[stage]
         return Block(
             block.residuals * weights,
             block.by_shared * weights[..., None],
             block.columns,
             block.by_local * weights[..., None],
         )
+
+
+@lru_cache
+def _free_columns(
+    parameters: tuple[str, ...], stage: str, lasers: int
+) -> tuple[slice | list[int], np.ndarray]:
+    """Which of a placement's parameters are free, and where among all shared parameters the free
+    ones that act in a stage are: the camera's, then these."""
+    camera = [i for i, name in enumerate(parameters) if name in CAMERA]
+    names = placement_names(stage, lasers)
+    free = [i for i, name in enumerate(names) if name in parameters]
+    columns = [*camera, *(parameters.index(names[i]) for i in free)]
+    everything = slice(None) if len(free) == len(names) else free
+    return everything, np.array(columns, dtype=int)
+
+
+def _silenced(block: Block, hidden: np.ndarray) -> Block:
+    """A block in which the residuals of a mask ``(N, r)`` say nothing."""
+    return Block(
+        np.where(hidden, 0.0, block.residuals),
+        np.where(hidden[..., None], 0.0, block.by_shared),
+        block.columns,
+        np.where(hidden[..., None], 0.0, block.by_local),
+    )

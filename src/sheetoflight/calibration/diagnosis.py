@@ -9,7 +9,7 @@ stand in one table; the one that chance could least bring about is named.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -86,13 +86,13 @@ def findings(fit: Fit) -> tuple[Finding, ...]:
     if sum(tested.freedom.values()) < 3:
         return ()
     best: dict[str, tuple[float, _Hypothesis]] = {}
-    for hypothesis in _hypotheses(plain):
+    for hypothesis in _hypotheses(plain, tested):
         fall = tested.fall(hypothesis)
         if fall > best.get(hypothesis.cause, (0.0, hypothesis))[0]:
             best[hypothesis.cause] = (fall, hypothesis)
     found = [confirmed(fit, tested, hypothesis) for _, hypothesis in best.values()]
     told = sorted((f for f in found if f is not None), key=lambda finding: -finding.explained)
-    return (*told, *_bent_anyhow(fit, tested), *_noisy_stages(fit))
+    return (*told, *_bent_anyhow(fit, tested), *_noisy_stages(_line_scatter(fit)))
 
 
 def without_placement(fit: Fit) -> Fit:
@@ -182,9 +182,8 @@ class _Tested:
 
     @classmethod
     def of(cls, fit: Fit) -> _Tested:
-        groups = fit.noise.contrasts(fit.adjustment, fit.state, {})
+        groups, covariance = fit.contrasts, fit.covariance
         inverses = [np.linalg.inv(group.covariance(fit.noise.variances)) for group in groups]
-        covariance = scaled_inverse(fit.model().information)[0]
         chi2, freedom = {}, {}
         for (stage, views), group, inverse in zip(
             fit.adjustment.stages.items(), groups, inverses, strict=True
@@ -208,22 +207,53 @@ class _Tested:
 
     def fall(self, hypothesis: _Hypothesis) -> float:
         """How much chi-squared would fall if the hypothesis were estimated."""
-        size = len(self.covariance)
-        count = next(iter(hypothesis.columns.values())).shape[-1]
-        gradient, own = np.zeros(count), np.zeros((count, count))
-        mixed = np.zeros((count, size))
-        for stage, group, inverse in zip(self.stages, self.groups, self.inverses, strict=True):
-            if stage not in hypothesis.columns:
-                continue
-            moved = group.across @ hypothesis.columns[stage]
-            pull = np.swapaxes(moved, 1, 2) @ inverse
-            gradient += np.einsum("nqc,nc->q", pull, group.values)
-            own += np.sum(pull @ moved, axis=0)
-            mixed[:, group.columns] += np.sum(pull @ group.by_shared, axis=0)
-        left = own - mixed @ self.covariance @ mixed.T
-        scale = 1.0 / np.sqrt(np.maximum(np.diag(own), 1e-300))
-        inverse = np.linalg.pinv(left * scale[:, None] * scale, rcond=1e-9, hermitian=True)
-        return float(gradient * scale @ inverse @ (scale * gradient))
+        terms = [self._terms(stage, moves) for stage, moves in hypothesis.columns.items()]
+        sums = (np.sum([part.sum(axis=0) for part in parts], axis=0, keepdims=True)
+                for parts in zip(*terms, strict=True))  # fmt: skip
+        return float(self._falls(*sums)[0])
+
+    def first_after_change(self, stage: str, moves: Array, views: np.ndarray, few: int) -> int:
+        """From which of the views on, in their order, moves of the points explain most.
+
+        Parameters
+        ----------
+        stage : str
+        moves : (N, 2M, q) array
+            How the image points would move, px per unit.
+        views : (V,) int array
+            Those among which the change is sought, at least ``2 few``.
+        few : int
+            Least number of views on either side.
+
+        Returns
+        -------
+        int
+            Place in `views`.
+        """
+        after = (
+            np.cumsum(part[views[::-1]], axis=0)[::-1][few : len(views) - few + 1]
+            for part in self._terms(stage, moves)
+        )
+        return few + int(self._falls(*after).argmax())
+
+    def _terms(self, stage: str, moves: Array) -> tuple[Array, Array, Array]:
+        """Each view's gradient ``(N, q)`` by moves of its points, their information
+        ``(N, q, q)``, and that on them and the shared parameters ``(N, q, P)``."""
+        place = self.stages.index(stage)
+        group, inverse = self.groups[place], self.inverses[place]
+        moved = group.across @ moves
+        pull = np.swapaxes(moved, 1, 2) @ inverse
+        mixed = np.zeros((*pull.shape[:2], len(self.covariance)))
+        mixed[..., group.columns] = pull @ group.by_shared
+        return (pull @ group.values[..., None])[..., 0], pull @ moved, mixed
+
+    def _falls(self, gradient: Array, own: Array, mixed: Array) -> Array:
+        """``gᵀ S⁻¹ g`` of K hypotheses from the sums of their views' terms."""
+        left = own - mixed @ self.covariance @ np.swapaxes(mixed, 1, 2)
+        scale = 1.0 / np.sqrt(np.maximum(np.einsum("kqq->kq", own), 1e-300))
+        scaled = left * scale[:, :, None] * scale[:, None, :]
+        inverse = np.linalg.pinv(scaled, rcond=1e-9, hermitian=True)
+        return np.einsum("kp,kpq,kq->k", gradient * scale, inverse, gradient * scale)
 
     def widest(self, fit: Fit) -> list[Contrasts]:
         """The same contrasts with all noise components that are estimated."""
@@ -239,12 +269,12 @@ class _Tested:
         return min(max(1.0 - after / before, 0.0), 1.0)
 
 
-def _hypotheses(fit: Fit) -> Iterator[_Hypothesis]:
+def _hypotheses(fit: Fit, tested: _Tested) -> Iterator[_Hypothesis]:
     yield from _lens(fit)
     yield from _marker_distances(fit)
     yield from _bent_targets(fit)
-    yield from _slipped_pivots(fit)
-    yield from _moved_lasers(fit)
+    yield from _slipped_pivots(fit, tested)
+    yield from _moved_lasers(fit, tested)
 
 
 def _images(fit: Fit, stage: str, moves: Sequence[Array]) -> Array:
@@ -342,7 +372,7 @@ def _downwards(_: Array, along: Array) -> Array:
     return down - np.sum(down * along, axis=1, keepdims=True) * along
 
 
-def _slipped_pivots(fit: Fit) -> Iterator[_Hypothesis]:
+def _slipped_pivots(fit: Fit, tested: _Tested) -> Iterator[_Hypothesis]:
     """The fixed point moved between two views, and stayed there."""
     views = fit.adjustment.stages.get("camera")
     if views is None or len(views) < 4:
@@ -351,21 +381,20 @@ def _slipped_pivots(fit: Fit) -> Iterator[_Hypothesis]:
     axes = np.eye(3)
     moves = [np.broadcast_to(axis, place.points.shape) for axis in axes]
     whole = _images(fit, "camera", moves)
-    changes = range(2, len(views) - 1)
-    for first in changes:
-        late = (np.arange(len(views)) >= first)[:, None, None]
-        yield _Hypothesis(
-            "camera",
-            "slipped pivot",
-            {"camera": np.where(late, whole, 0.0)},
-            f"the fixed point moved by {{norm:.3g}} mm between views {views.names[first - 1]} and "
-            f"{views.names[first]}",
-            "clamp marker 0 and take the views again, or keep those of one side",
-            trials=len(changes),
-        )
+    every = np.arange(len(views))
+    first = tested.first_after_change("camera", whole, every, few=2)
+    yield _Hypothesis(
+        "camera",
+        "slipped pivot",
+        {"camera": np.where((every >= first)[:, None, None], whole, 0.0)},
+        f"the fixed point moved by {{norm:.3g}} mm between views {views.names[first - 1]} and "
+        f"{views.names[first]}",
+        "clamp marker 0 and take the views again, or keep those of one side",
+        trials=len(views) - 3,
+    )
 
 
-def _moved_lasers(fit: Fit) -> Iterator[_Hypothesis]:
+def _moved_lasers(fit: Fit, tested: _Tested) -> Iterator[_Hypothesis]:
     """A sheet that moved between two views, and stayed there."""
     views = fit.adjustment.stages.get("plane")
     if views is None:
@@ -377,19 +406,17 @@ def _moved_lasers(fit: Fit) -> Iterator[_Hypothesis]:
             continue
         moves = [place.by_shared[..., 3 * laser + part] for part in range(3)]
         whole = _images(fit, "plane", moves)
-        changes = range(3, len(mine) - 2)
-        for first in changes:
-            late = np.zeros(len(views), dtype=bool)
-            late[mine[first:]] = True
-            yield _Hypothesis(
-                "plane",
-                "moved laser",
-                {"plane": np.where(late[:, None, None], whole, 0.0)},
-                f"the sheet of {name} moved between views {views.names[mine[first - 1]]} and "
-                f"{views.names[mine[first]]}",
-                "fasten the laser and take the in-plane views again, or keep those of one side",
-                trials=len(changes),
-            )
+        first = tested.first_after_change("plane", whole, mine, few=3)
+        late = np.isin(np.arange(len(views)), mine[first:])[:, None, None]
+        yield _Hypothesis(
+            "plane",
+            "moved laser",
+            {"plane": np.where(late, whole, 0.0)},
+            f"the sheet of {name} moved between views {views.names[mine[first - 1]]} and "
+            f"{views.names[mine[first]]}",
+            "fasten the laser and take the in-plane views again, or keep those of one side",
+            trials=len(mine) - 5,
+        )
 
 
 def _bent_anyhow(fit: Fit, tested: _Tested) -> list[Finding]:
@@ -397,7 +424,7 @@ def _bent_anyhow(fit: Fit, tested: _Tested) -> list[Finding]:
     that is held with another side towards the camera each time."""
     # single markers off their sheet are a noise of their own
     stages = [s for s in tested.stages if s != "plane" or not fit.noise.free[MARKER]]
-    squares, count = _whole_scatter(fit, stages)
+    squares, count = _together(_line_scatter(fit, stages))
     rest = sum(tested.freedom[s] for s in stages) - count
     left = sum(tested.chi2[s] for s in stages) - squares
     if count < 3 or rest < 3 or not left > 0:
@@ -420,9 +447,8 @@ def _bent_anyhow(fit: Fit, tested: _Tested) -> list[Finding]:
     ]
 
 
-def _noisy_stages(fit: Fit) -> list[Finding]:
+def _noisy_stages(scatter: Mapping[str, tuple[float, int]]) -> list[Finding]:
     """A stage whose markers scatter about their lines more than those of the others."""
-    scatter = {stage: _line_scatter(fit, stage) for stage in fit.adjustment.stages}
     scatter = {stage: (s, n) for stage, (s, n) in scatter.items() if n >= 3}
     found = []
     for stage, (own, count) in scatter.items():
@@ -457,9 +483,10 @@ def suspicious(fit: Fit) -> bool:
         return False
     if fit.noise.free[PLACEMENT] and fit.noise.variances[PLACEMENT:].any():
         return True
-    if _noisy_stages(fit):
+    scatter = _line_scatter(fit)
+    if _noisy_stages(scatter):
         return True
-    squares, count = _whole_scatter(fit)
+    squares, count = _together(scatter)
     rest = fit.degrees_of_freedom - count
     if count < 3 or rest < 3:
         return True
@@ -469,15 +496,20 @@ def suspicious(fit: Fit) -> bool:
     return not _ODD_TAIL < float(fdtrc(rest, count, max(ratio, 0.0))) < 1.0 - _ODD_TAIL
 
 
-def _whole_scatter(fit: Fit, stages: Sequence[str] | None = None) -> tuple[float, int]:
-    """`_line_scatter` of stages together, of all by default."""
-    parts = [_line_scatter(fit, stage) for stage in stages or fit.adjustment.stages]
-    return sum(square for square, _ in parts), sum(count for _, count in parts)
+def _line_scatter(fit: Fit, stages: Sequence[str] | None = None) -> dict[str, tuple[float, int]]:
+    """For each stage, sum of squares, in units of the pixel noise, and degrees of freedom of the
+    markers' scatter about the image of a straight target with free pose: what no sheet and no
+    pivot can cause."""
+    return {stage: _scatter_of(fit, stage) for stage in stages or fit.adjustment.stages}
 
 
-def _line_scatter(fit: Fit, stage: str) -> tuple[float, int]:
-    """Sum of squares, in units of the pixel noise, and degrees of freedom of the markers' scatter
-    about the image of a straight target with free pose: what no sheet and no pivot can cause."""
+def _together(scatter: Mapping[str, tuple[float, int]]) -> tuple[float, int]:
+    """Squares and degrees of freedom of all stages."""
+    squares, counts = zip(*scatter.values(), strict=True) if scatter else ((), ())
+    return sum(squares), sum(counts)
+
+
+def _scatter_of(fit: Fit, stage: str) -> tuple[float, int]:
     views = fit.adjustment.stages[stage]
     markers = len(fit.adjustment.positions)
     place = fit.adjustment.placed(fit.state, stage)
@@ -485,8 +517,9 @@ def _line_scatter(fit: Fit, stage: str) -> tuple[float, int]:
     moves = [np.broadcast_to(axis, place.points.shape) for axis in np.eye(3)]
     moves += [first, second]
     padded = [_padded(move, place.points.shape[1]) for move in moves]
-    by_pose = _images(fit, stage, padded)[:, : 2 * markers]
-    residuals = fit.adjustment.block(fit.state, stage).residuals[:, : 2 * markers]
+    block = fit.adjustment.block(fit.state, stage, padded)
+    by_pose = block.by_shared[:, : 2 * markers, -len(moves) :]
+    residuals = block.residuals[:, : 2 * markers]
     std = np.repeat(fit.noise.std(stage)[:, :markers], 2, axis=1)
     whole = views.seen[:, :markers].all(axis=1)
     if not whole.any():

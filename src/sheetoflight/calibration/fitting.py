@@ -2,18 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
+from scipy.special import chdtrc, fdtrc
 
 from sheetoflight.calibration.adjustment import Adjustment
 from sheetoflight.calibration.noise import PIXEL, PLACEMENT, NoiseModel
 from sheetoflight.calibration.pose_reselection import reselected_directions
-from sheetoflight.calibration.rig_state import RigState
+from sheetoflight.calibration.rig_state import LOCAL_SIZE, RigState
 from sheetoflight.errors import UntrustworthyError
-from sheetoflight.estimation.block_least_squares import Solution, solve
+from sheetoflight.estimation.block_least_squares import Solution, scaled_inverse, solve
 from sheetoflight.estimation.variance_components import (
+    Contrasts,
     ReducedModel,
     excess,
     reduced_model,
@@ -32,6 +35,9 @@ depend on errors of the weights in second order only."""
 _SHOWN = 1.96
 """Standard deviations by which the residuals must ask for offsets of the target from the sheet:
 with two kinds of offset, one rig in twenty without any is taken to have some."""
+
+_SHOWN_ODDS = 0.025
+"""Odds of the in-plane views' larger scatter by chance at which they show offsets."""
 
 
 @dataclass(frozen=True)
@@ -70,11 +76,35 @@ class Fit:
         """Observations less unknowns."""
         return self.adjustment.degrees_of_freedom
 
+    @cached_property
+    def contrasts(self) -> list[Contrasts]:
+        """The residuals with each view's pose eliminated, stage by stage."""
+        return self.noise.contrasts(self.adjustment, self.state, {})
+
+    @cached_property
+    def information(self) -> Array:
+        """On the shared parameters, all poses eliminated."""
+        size = self.adjustment.shared_size
+        return reduced_model(self.contrasts, size, self.noise.variances).information
+
+    @cached_property
+    def covariance(self) -> Array:
+        """Of the shared parameters.
+
+        Raises
+        ------
+        numpy.linalg.LinAlgError
+            If they are undetermined.
+        """
+        return scaled_inverse(self.information)[0]
+
     def model(self, moves: Mapping[str, list[Array]] | None = None) -> ReducedModel:
         """Information on the shared parameters, and on further moves of the points behind them."""
         moves = moves or {}
         extra = max((len(m) for m in moves.values()), default=0)
-        groups = self.noise.contrasts(self.adjustment, self.state, moves)
+        groups = (
+            self.noise.contrasts(self.adjustment, self.state, moves) if moves else self.contrasts
+        )
         return reduced_model(groups, self.adjustment.shared_size + extra, self.noise.variances)
 
 
@@ -183,9 +213,34 @@ def _asked_for(
         strength = excess(groups, adjustment.shared_size, variances, free)
     except np.linalg.LinAlgError:
         return np.arange(len(free)) == PIXEL
-    if not (strength[PLACEMENT:] > _SHOWN).any():
-        return np.arange(len(free)) == PIXEL
-    return np.ones_like(free)
+    shown = (strength[PLACEMENT:] > _SHOWN).any()
+    if shown or _scatters_more(adjustment, groups, variances, free):
+        return np.ones_like(free)
+    return np.arange(len(free)) == PIXEL
+
+
+def _scatters_more(
+    adjustment: Adjustment, groups: Sequence[Contrasts], variances: Array, free: np.ndarray
+) -> bool:
+    """Whether the in-plane views scatter more than the others, whichever way their markers move
+    most: the score weighs those of large image motion, of which there may be few."""
+    squares, counts = {}, {}
+    for stage, group in zip(adjustment.stages, groups, strict=True):
+        inverse = np.linalg.inv(group.covariance(variances * (np.arange(len(free)) == PIXEL)))
+        squares[stage] = float(np.einsum("ni,nij,nj->", group.values, inverse, group.values))
+        seen = int(adjustment.stages[stage].seen.sum())
+        counts[stage] = 2 * seen - LOCAL_SIZE[stage] * len(group.values)
+    own = sum(name.startswith("sheet") for name in adjustment.parameters)
+    lying = counts["plane"] - own
+    rest = adjustment.degrees_of_freedom - lying
+    if lying < 1:
+        return False
+    if not free[PIXEL]:
+        return float(chdtrc(lying, squares["plane"])) < _SHOWN_ODDS
+    if rest < 1:
+        return False
+    others = max(sum(squares.values()) - squares["plane"], 1e-300)
+    return float(fdtrc(lying, rest, squares["plane"] / lying / (others / rest))) < _SHOWN_ODDS
 
 
 def _first_offsets(

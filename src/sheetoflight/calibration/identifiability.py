@@ -26,7 +26,6 @@ from sheetoflight.calibration.next_view import next_view, size_of
 from sheetoflight.calibration.noise import PIXEL
 from sheetoflight.calibration.rig_state import ANCHOR, RigState
 from sheetoflight.errors import UntrustworthyError
-from sheetoflight.estimation.block_least_squares import scaled_inverse
 from sheetoflight.geometry.directions import Array
 
 LINEAR_LIMIT = 0.1
@@ -88,9 +87,9 @@ def require_determined(fit: Fit, stage: str) -> tuple[str, ...]:
     UntrustworthyError
         Naming the stage, what is undetermined, and which picture to take next.
     """
-    information = fit.model().information
+    information = fit.information
     try:
-        covariance, _ = scaled_inverse(information)
+        covariance = fit.covariance
     except np.linalg.LinAlgError as reason:
         weakest = _null_direction(fit, information)
         raise _refusal(fit, information, weakest, "do not determine {what}") from reason
@@ -167,10 +166,10 @@ def _points_on(fit: Fit, laser: int) -> Array:
 def roughly_determined(fit: Fit) -> bool:
     """Whether the information at the solution leaves nothing open, valleys apart."""
     try:
-        covariance, _ = scaled_inverse(fit.model().information)
+        weaknesses = _weaknesses(fit, fit.covariance)
     except np.linalg.LinAlgError:
         return False
-    return all(weak.relative_std <= LINEAR_LIMIT for weak in _weaknesses(fit, covariance))
+    return all(weak.relative_std <= LINEAR_LIMIT for weak in weaknesses)
 
 
 def _weaknesses(fit: Fit, covariance: Array) -> list[Weakness]:

@@ -32,6 +32,9 @@ class CalibrationOptions:
 Method = Callable[[Rig, NoiseModel, CalibrationOptions, Fit | None], Outcome]
 """From a rig, its noise, options, and the joint fit that screened it, where there is one."""
 
+CAMERA_FREE = "camera-free"
+"""The method that knows no camera, and so gives another kind of result."""
+
 METHODS: Mapping[str, Method] = {
     "joint": lambda rig, noise, _, fit: joint(rig, noise, fit),
     "two-step": lambda rig, noise, _, fit: two_step(rig, noise, fit),
@@ -52,6 +55,7 @@ def calibrate(
         ``joint``: everything in one maximum-likelihood adjustment. ``two-step``: the camera
         first, then maximum likelihood on the sheet. ``paper``: the camera first, then each
         target position triangulated, RANSAC, and a genetic search for the plane.
+        `calibration.camera_free_method.camera_free` needs no camera.
     options : CalibrationOptions, optional
 
     Raises
@@ -62,7 +66,8 @@ def calibrate(
         If no trustworthy number can be had from these views.
     """
     if method not in METHODS:
-        raise InputError(f"method '{method}' is unknown", f"choose {' | '.join(METHODS)}")
+        known = " | ".join((*METHODS, CAMERA_FREE))
+        raise InputError(f"method '{method}' is unknown", f"choose {known}")
     if not isinstance(rig, Rig):
         raise InputError(
             f"a rig was expected, found {rig!r}", 'load it first: sol.load_rig("rig/")'

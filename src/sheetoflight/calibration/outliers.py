@@ -14,7 +14,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.special import chdtri
+from scipy.special import chdtri, fdtri
 
 from sheetoflight.calibration.adjustment import Adjustment
 from sheetoflight.calibration.fitting import Fit, fitted
@@ -109,6 +109,19 @@ class Cleaned:
 
 
 @dataclass(frozen=True)
+class _Yardstick:
+    """How many times larger than the noise's the residuals' variance may be, and the degrees of
+    freedom from which the noise's size is known."""
+
+    scale: float
+    told: float
+
+    def limit(self, freedom: Array, odds: float) -> Array:
+        """Greatest sum of squares, in units of the noise's variance."""
+        return self.scale * _limit(freedom, odds, self.told)
+
+
+@dataclass(frozen=True)
 class _Decision:
     """Points of a stage that are left out ``(N, M)``, and views ``(N,)`` in which that is one of
     several markers, it cannot be told which."""
@@ -134,14 +147,29 @@ def looks_wrong(fit: Fit) -> bool:
     if every.mean() / 2.0 > _HEAVY_TAILS**2 * median:
         return True
     views = sum(len(test.view) for test in tests.values())
-    marker_limit = scale * float(chdtri(2, _FALSE_ALARM / every.size))
+    told = _told_freedom(fit)
+    marker_limit = scale * float(_limit(np.array(2.0), _FALSE_ALARM / every.size, told))
     view_limits = [
-        scale * np.asarray(chdtri(np.maximum(test.freedom, 1), _FALSE_ALARM / max(views, 1)))
-        for test in tests.values()
+        scale * _limit(test.freedom, _FALSE_ALARM / max(views, 1), told) for test in tests.values()
     ]
     return bool(every.max() > marker_limit) or any(
         (test.view > limit).any() for test, limit in zip(tests.values(), view_limits, strict=True)
     )
+
+
+def _told_freedom(fit: Fit) -> float:
+    """Degrees of freedom from which the size of the noise is known."""
+    estimated = fit.noise.free[PIXEL] and fit.degrees_of_freedom > 0
+    return float(fit.degrees_of_freedom) if estimated else np.inf
+
+
+def _limit(freedom: Array, odds: float, told: float) -> Array:
+    """Sum of ``freedom`` squares, in units of a variance known from ``told`` degrees of freedom,
+    that chance exceeds with given odds."""
+    freedom = np.maximum(freedom, 1.0)
+    if np.isinf(told):
+        return np.asarray(chdtri(freedom, odds))
+    return np.asarray(freedom * fdtri(freedom, max(told, 1.0), 1.0 - odds))
 
 
 def cleaned(rig: Rig, noise: NoiseModel, others: tuple[str, ...]) -> Cleaned:
@@ -172,8 +200,12 @@ def cleaned(rig: Rig, noise: NoiseModel, others: tuple[str, ...]) -> Cleaned:
     }
     free = (*intrinsic_names(rig.free_intrinsics), *others)
     decided: dict[str, _Decision] = {}
+    told = np.inf
     for _ in range(_ROUNDS):
-        decided = {s: _decided(rig, noise_now, s, v, state, scales[s]) for s, v in stages.items()}
+        decided = {
+            s: _decided(rig, noise_now, s, views, state, _Yardstick(scales[s], told))
+            for s, views in stages.items()
+        }
         same = all((decided[s].wrong == masks[s]).all() for s in stages)
         masks = {s: decision.wrong for s, decision in decided.items()}
         _refuse_too_many(decided, stages)
@@ -184,7 +216,7 @@ def cleaned(rig: Rig, noise: NoiseModel, others: tuple[str, ...]) -> Cleaned:
         noise_here = _narrowed(noise, whole).with_variances(noise_now.variances)
         fit = fitted(rig, trimmed, free, within, noise_here, "joint")
         noise_now = noise_now.with_variances(fit.noise.variances)
-        scales = _stage_scales(fit, stages)
+        scales, told = _stage_scales(fit, stages), _told_freedom(fit)
         state = _returned(state, fit.state, whole)
         if same:
             break
@@ -204,34 +236,38 @@ def _stage_scales(fit: Fit, stages: Mapping[str, TargetViews]) -> dict[str, floa
 
 
 def _decided(
-    rig: Rig, noise: NoiseModel, stage: str, views: TargetViews, state: RigState, scale: float
+    rig: Rig,
+    noise: NoiseModel,
+    stage: str,
+    views: TargetViews,
+    state: RigState,
+    yardstick: _Yardstick,
 ) -> _Decision:
-    """Which points of a stage are wrong, camera and sheets being given.
-
-    Parameters
-    ----------
-    scale : float
-        How many times larger than the noise's the residuals' variance may be.
-    """
+    """Which points of a stage are wrong, camera and sheets being given."""
     few = views.uv.shape[1] <= _FEW_MARKERS
     decide = _decided_by_trial if few else _decided_by_agreement
-    return decide(rig, noise, stage, views, state, scale)
+    return decide(rig, noise, stage, views, state, yardstick)
 
 
 def _decided_by_trial(
-    rig: Rig, noise: NoiseModel, stage: str, views: TargetViews, state: RigState, scale: float
+    rig: Rig,
+    noise: NoiseModel,
+    stage: str,
+    views: TargetViews,
+    state: RigState,
+    yardstick: _Yardstick,
 ) -> _Decision:
     """Leave out each marker of the views that do not agree with the noise."""
     count, points = views.uv.shape[:2]
     freedom, chi2 = _chi2(rig, noise, stage, views, state)
-    limit = scale * np.asarray(chdtri(np.maximum(freedom, 1), _FALSE_ALARM / count))
+    limit = yardstick.limit(freedom, _FALSE_ALARM / count)
     wrong, explanations = np.zeros((count, points), dtype=bool), np.zeros(count, dtype=int)
     undecided = (freedom > 0) & (chi2 > limit)
     for left_out in range(points if undecided.any() else 0):
         mask = np.zeros((count, points), dtype=bool)
         mask[:, left_out] = views.seen[:, left_out] & undecided
         less, rest = _chi2(rig, noise, stage, views.without(mask), state)
-        limit = scale * np.asarray(chdtri(np.maximum(less, 1), _FALSE_ALARM / count))
+        limit = yardstick.limit(less, _FALSE_ALARM / count)
         explains = mask[:, left_out] & (less > 0) & (rest <= limit)
         wrong |= mask & explains[:, None]
         explanations += explains
@@ -240,14 +276,19 @@ def _decided_by_trial(
 
 
 def _decided_by_agreement(
-    rig: Rig, noise: NoiseModel, stage: str, views: TargetViews, state: RigState, scale: float
+    rig: Rig,
+    noise: NoiseModel,
+    stage: str,
+    views: TargetViews,
+    state: RigState,
+    yardstick: _Yardstick,
 ) -> _Decision:
     """Find each view's pose with a loss that forgives, then keep the markers that agree."""
     count, points = views.uv.shape[:2]
-    limit = scale * float(chdtri(2, _FALSE_ALARM / (count * points)))
+    limit = float(yardstick.limit(np.array(2.0), _FALSE_ALARM / (count * points)))
     there = robust_poses(rig, state, stage, views)
     for patience in _PATIENCE:
-        squares = _squares(rig, noise, stage, views, there) / scale
+        squares = _squares(rig, noise, stage, views, there) / yardstick.scale
         weight = np.clip((patience**2 / (patience**2 + squares)) ** 2, 1e-8, 1.0)
         std = {stage: noise.std(stage) / np.sqrt(weight)}
         there = _posed(Adjustment(rig.target.positions, {stage: views}, std, ()), there)

@@ -51,7 +51,7 @@ def _pivoting(state: RigState, positions: Array, _: TargetViews) -> Placement:
 
 def _lying(state: RigState, positions: Array, views: TargetViews) -> Placement:
     pose, lasers = state.poses["plane"], views.lasers
-    e1, e2, normal = np.moveaxis(state.frames[lasers], -1, 0)[:, :, None, :]
+    e1, e2, normal = state.frames[lasers].transpose(2, 0, 1)[:, :, None, :]
     distance = state.distances[lasers][:, None, None]
     cosine, sine = np.cos(pose[:, 2:]), np.sin(pose[:, 2:])
     x = (pose[:, :1] + positions * cosine)[..., None]

@@ -19,7 +19,6 @@ import numpy as np
 from scipy.special import chdtri
 
 from sheetoflight.calibration.fitting import Fit
-from sheetoflight.estimation.block_least_squares import scaled_inverse
 from sheetoflight.geometry.directions import Array
 
 _ROUNDING_PX = 1e-6
@@ -61,10 +60,9 @@ def residual_tests(fit: Fit) -> dict[str, StageTests]:
         If the shared parameters are undetermined.
     """
     adjustment, sizes = fit.adjustment, fit.noise.variances
-    groups = fit.noise.contrasts(adjustment, fit.state, {})
-    covariance = scaled_inverse(fit.model().information)[0] if adjustment.shared_size else None
+    covariance = fit.covariance if adjustment.shared_size else None
     found = {}
-    for (stage, views), group in zip(adjustment.stages.items(), groups, strict=True):
+    for (stage, views), group in zip(adjustment.stages.items(), fit.contrasts, strict=True):
         inverse = np.linalg.inv(group.covariance(sizes))
         weighted = inverse @ group.values[..., None]
         chi2 = np.sum(group.values[..., None] * weighted, axis=(1, 2))
@@ -74,9 +72,10 @@ def residual_tests(fit: Fit) -> dict[str, StageTests]:
             own = covariance[np.ix_(group.columns, group.columns)]
             left = inverse - pull @ own @ np.swapaxes(pull, 1, 2)
         count, markers = views.uv.shape[:2]
-        shifts = group.across.reshape(count, -1, markers, 2)
-        gradient = np.einsum("ncma,nc->nma", shifts, weighted[..., 0])
-        strength = np.einsum("ncma,ncd,ndmb->nmab", shifts, left, shifts)
+        turned = np.swapaxes(group.across, 1, 2)
+        gradient = (turned @ weighted).reshape(count, markers, 2)
+        shifts = turned.reshape(count, markers, 2, -1)
+        strength = shifts @ left[:, None] @ np.swapaxes(shifts, 2, 3)
         fall = np.where(views.seen, _fall(gradient, strength), 0.0)
         local = group.across.shape[2] - group.across.shape[1]
         freedom = np.maximum(2 * views.seen.sum(axis=1) - local, 0)

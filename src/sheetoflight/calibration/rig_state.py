@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import lru_cache
 
 import numpy as np
 
@@ -20,6 +21,7 @@ LOCAL_SIZE = {"camera": 2, "plane": 3, "crossing": 5}
 """Parameters of its own that a view of each stage has."""
 
 
+@lru_cache
 def sheet_names(count: int) -> tuple[str, ...]:
     """Shared-parameter names of ``count`` sheets, numbered from 0."""
     return tuple(f"sheet{index}.{part}" for index in range(count) for part in SHEET_PARTS)
@@ -81,25 +83,27 @@ class RigState:
             Steps of shared parameters; those that are not named stay.
         local : mapping from stage to (N, k) array
         """
-        parameters = self.camera.parameters + [shared.get(name, 0.0) for name in CAMERA]
+        parameters = self.camera.parameters + _steps(shared, CAMERA)
         if not (np.isfinite(parameters).all() and parameters[0] > 0 and parameters[1] > 0):
             return None
-        steps = np.array(
-            [shared.get(name, 0.0) for name in sheet_names(len(self.distances))]
-        ).reshape(-1, 3)
+        steps = _steps(shared, sheet_names(len(self.distances))).reshape(-1, 3)
         turns = steps[:, :1] * self.frames[:, :, 1] - steps[:, 1:2] * self.frames[:, :, 0]
         poses = dict(self.poses)
         for stage, step in local.items():
             poses[stage] = _moved_poses(stage, poses[stage], step)
         return RigState(
             camera=self.camera.with_parameters(parameters),
-            anchor=self.anchor + [shared.get(name, 0.0) for name in ANCHOR],
+            anchor=self.anchor + _steps(shared, ANCHOR),
             frames=np.array(
                 [rotation(turn) @ frame for turn, frame in zip(turns, self.frames, strict=True)]
             ).reshape(-1, 3, 3),
             distances=self.distances + steps[:, 2],
             poses=poses,
         )
+
+
+def _steps(shared: Mapping[str, float], names: Sequence[str]) -> Array:
+    return np.array([shared.get(name, 0.0) for name in names])
 
 
 def _moved_poses(stage: str, poses: Array, step: Array) -> Array:

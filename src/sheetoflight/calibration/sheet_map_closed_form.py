@@ -74,7 +74,7 @@ def sheet_map(points: Array, positions: Array) -> Array | None:
     vanishing = maps[..., 1]
     # an estimate of r is worth the more the longer the image of the target is
     weighted = vanishing / np.linalg.norm(vanishing[:, :2], axis=1, keepdims=True) ** 0.5
-    line = np.linalg.svd(weighted)[2][-1]
+    line = np.linalg.svd(weighted, full_matrices=False)[2][-1]
     if abs(line[2]) < 1e-9:
         return None
     rectify = np.array([[1.0, 0, 0], [0, 1.0, 0], line / line[2]])

@@ -143,7 +143,7 @@ def triangulated_views(rig: Rig, camera: Camera, stage: str) -> tuple[Array, np.
     used = np.flatnonzero(seen.sum(axis=1) >= 3)
     if not len(used):
         return np.empty((0, 3, 3)), used
-    chosen = np.array([_triple(seen[i], rig.target.positions) for i in used], dtype=int)
+    chosen = _triples(seen[used], rig.target.positions)
     uv = np.take_along_axis(views.uv[used], chosen[..., None], axis=1)
     places = rig.target.positions[chosen]
     l1, l2 = places[:, 1] - places[:, 0], places[:, 2] - places[:, 1]
@@ -152,12 +152,20 @@ def triangulated_views(rig: Rig, camera: Camera, stage: str) -> tuple[Array, np.
     return points[finite], used[finite]
 
 
-def _triple(seen: np.ndarray, positions: Array) -> tuple[int, int, int]:
-    markers = np.flatnonzero(seen)
-    first, last = markers[0], markers[-1]
+def _triples(seen: np.ndarray, positions: Array) -> np.ndarray:
+    """First, middle and last of the markers that were seen ``(V, 3)``."""
+    first, last = _ends(seen)
     middle = 0.5 * (positions[first] + positions[last])
-    inner = markers[1:-1]
-    return first, inner[np.abs(positions[inner] - middle).argmin()], last
+    inner = seen.copy()
+    rows = np.arange(len(seen))
+    inner[rows, first] = inner[rows, last] = False
+    off = np.where(inner, np.abs(positions - middle[:, None]), np.inf)
+    return np.stack([first, off.argmin(axis=1), last], axis=1)
+
+
+def _ends(seen: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """First and last marker that each view shows."""
+    return seen.argmax(axis=1), seen.shape[1] - 1 - seen[:, ::-1].argmax(axis=1)
 
 
 def with_sheets(rig: Rig, found: Evidence, state: RigState) -> RigState:
@@ -236,23 +244,28 @@ def lying_poses(state: RigState, views: TargetViews, rig: Rig) -> Array:
             "nmi,ni->nm", rays, frames[:, :, 2]
         )
     flat = np.einsum("nmi,nik->nmk", rays * depths[..., None], frames[:, :, :2])
-    poses = np.empty((len(views), 3))
-    for index, name in enumerate(views.names):
-        markers = np.flatnonzero(views.seen[index])
-        if len(markers) < 2 or not (depths[index, markers] > 0).all():
-            laser = rig.lasers[views.lasers[index]]
-            raise UntrustworthyError(
-                "plane",
-                f"view {name} cannot lie in the sheet of {laser} that the other views give, which "
-                f"passes {state.distances[views.lasers[index]]:.2g} mm from the camera's centre",
-                "check this view's markers; move the laser aside if the sheet passes through or "
-                "near the camera",
-            )
-        first, last = flat[index, markers[0]], flat[index, markers[-1]]
-        angle = np.arctan2(last[1] - first[1], last[0] - first[0])
-        start = first - rig.target.positions[markers[0]] * np.array([np.cos(angle), np.sin(angle)])
-        poses[index] = (*start, angle)
-    return poses
+    seen = views.seen
+    lost = (seen.sum(axis=1) < 2) | (seen & ~(depths > 0)).any(axis=1)
+    if lost.any():
+        raise _cannot_lie(rig, state, views, int(np.flatnonzero(lost)[0]))
+    rows = np.arange(len(views))
+    first, last = _ends(seen)
+    along = flat[rows, last] - flat[rows, first]
+    angle = np.arctan2(along[:, 1], along[:, 0])
+    direction = np.stack([np.cos(angle), np.sin(angle)], axis=1)
+    start = flat[rows, first] - rig.target.positions[first][:, None] * direction
+    return np.column_stack([start, angle])
+
+
+def _cannot_lie(rig: Rig, state: RigState, views: TargetViews, view: int) -> UntrustworthyError:
+    laser = views.lasers[view]
+    return UntrustworthyError(
+        "plane",
+        f"view {views.names[view]} cannot lie in the sheet of {rig.lasers[laser]} that the other "
+        f"views give, which passes {state.distances[laser]:.2g} mm from the camera's centre",
+        "check this view's markers; move the laser aside if the sheet passes through or near the "
+        "camera",
+    )
 
 
 def with_crossings(rig: Rig, state: RigState) -> RigState:
@@ -276,7 +289,7 @@ def with_crossings(rig: Rig, state: RigState) -> RigState:
         )
     along = normalised(points[:, 2] - points[:, 0])
     markers = len(rig.target.markers_mm)
-    places = np.array([_triple(seen, rig.target.positions) for seen in views.seen[:, :markers]])
+    places = _triples(views.seen[:, :markers], rig.target.positions)
     offsets = rig.target.positions[places].mean(axis=1) - rig.target.positions.mean()
     middle = points.mean(axis=1) - offsets[:, None] * along
     return state.with_poses("crossing", np.concatenate([middle, along], axis=1))

@@ -17,7 +17,6 @@ import numpy as np
 from sheetoflight.calibration.fitting import Fit, undetermined
 from sheetoflight.calibration.noise import COMPONENTS, PIXEL
 from sheetoflight.calibration.rig_state import CAMERA, RigState, sheet_names
-from sheetoflight.estimation.block_least_squares import scaled_inverse
 from sheetoflight.geometry.directions import Array
 from sheetoflight.model.covariance import PLANE_PARTS, Covariance, NoiseComponents, Source
 from sheetoflight.model.target import CollinearTarget
@@ -57,12 +56,11 @@ def influence(fit: Fit, names: Sequence[str], stage: str) -> Influence:
     size = fit.adjustment.shared_size
     markers = len(fit.adjustment.positions)
     model = fit.model(marker_moves(fit))
+    chosen = fit.adjustment.columns_of(names)
     try:
-        covariance, _ = scaled_inverse(model.information[:size, :size])
+        gain = fit.covariance[chosen]
     except np.linalg.LinAlgError as reason:
         raise undetermined(stage) from reason
-    chosen = fit.adjustment.columns_of(names)
-    gain = covariance[chosen]
     stages = tuple(fit.adjustment.stages)
     noise = []
     for (place, k), share in model.shares.items():

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import asdict
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -9,7 +10,7 @@ from cyclopts import Parameter
 from rich.markup import escape
 from rich.table import Table
 
-from sheetoflight.calibration.methods import CalibrationOptions
+from sheetoflight.calibration.methods import CAMERA_FREE, CalibrationOptions
 from sheetoflight.calibration.paper_plane import PaperOptions
 from sheetoflight.cli.monte_carlo import (
     calibrate_and_check,
@@ -26,10 +27,11 @@ from sheetoflight.cli.telling import (
     tell_table,
     warn,
 )
+from sheetoflight.errors import InputError
 from sheetoflight.estimation.genetic import GeneticOptions
 from sheetoflight.measurement.monte_carlo import MonteCarloOptions
-from sheetoflight.model.calibration import Calibration
-from sheetoflight.model.covariance import PLANE_PARTS
+from sheetoflight.model.calibration import Calibration, SheetCalibration
+from sheetoflight.model.covariance import PLANE_PARTS, SHEET_MAP_PARTS
 from sheetoflight.report.budget import budget_table, parameter_budgets
 from sheetoflight.report.noise import noise_rows
 from sheetoflight.report.numbers import parameter_unit, rounded
@@ -45,7 +47,7 @@ def calibrate(
     /,
     *,
     output: Annotated[Path, Parameter(name=("--output", "-o"))] = Path("calibration.json"),
-    method: Literal["joint", "two-step", "paper"] = "joint",
+    method: Literal["joint", "two-step", "paper", "camera-free"] = "joint",
     json: AsJson = False,
     seed: int = _GENETIC.seed,
     population: int = _GENETIC.population,
@@ -63,7 +65,8 @@ def calibrate(
         Where to write the calibration.
     method
         joint: everything in one adjustment. two-step: the camera first, then the sheet.
-        paper: triangulation, RANSAC and a genetic search, as in the paper.
+        paper: triangulation, RANSAC and a genetic search, as in the paper. camera-free: from
+        in-plane views alone, for lengths on the sheet.
     json
         Print the result as JSON.
     seed
@@ -87,12 +90,19 @@ def calibrate(
     with on_all_cores() as run:
         if check is None:
             calibration = calibrate_folder(folder, method, options, run)
+        elif method == CAMERA_FREE:
+            raise InputError(
+                "--monte-carlo re-simulates a camera, which method camera-free does not know",
+                "use --method joint with it",
+            )
         else:
             calibration = calibrate_and_check(load_rig(folder, run), method, options, check, run)
     calibration.save(output)
     for warning in calibration.warnings:
         warn(warning)
-    if json:
+    if isinstance(calibration, SheetCalibration):
+        _tell_sheets(calibration, output, json)
+    elif json:
         summary = calibration_summary(calibration)
         if calibration.monte_carlo:
             summary["monte_carlo"] = monte_carlo_summary(calibration.monte_carlo)
@@ -102,6 +112,44 @@ def calibrate(
         if calibration.monte_carlo:
             tell_monte_carlo(calibration.monte_carlo)
         tell(f"written to {output}")
+
+
+def _tell_sheets(calibration: SheetCalibration, output: Path, json: bool) -> None:
+    """The sheet maps with their standard uncertainties."""
+    covariance = calibration.covariance
+    values = {
+        f"{sheet.name}.{part}": float(value)
+        for sheet in calibration.sheet_maps
+        for part, value in zip(SHEET_MAP_PARTS, sheet.parameters, strict=True)
+    }
+    if json:
+        tell_json(
+            {
+                "method": calibration.method,
+                "sheet_maps": values,
+                "std": {name: covariance.std(name) for name in values},
+                "pixel_std": calibration.pixel_std,
+                "rms_px": calibration.residuals.rms_px,
+                "chi2_per_dof": calibration.residuals.chi2_per_dof,
+                "warnings": list(calibration.warnings),
+                "file": str(output),
+            }
+        )
+        return
+    table = plain_table(
+        f"Calibration by method {calibration.method}",
+        ("parameter",),
+        ("value", "standard uncertainty"),
+    )
+    for name, value in values.items():
+        table.add_row(escape(name), *rounded(value, covariance.std(name)))
+    tell_table(table)
+    tell(
+        f"views: {len(calibration.residuals.views)} in stage plane; residuals "
+        f"{calibration.residuals.rms_px:.3f} px rms, image points known to "
+        f"{calibration.pixel_std:.3f} px"
+    )
+    tell(f"written to {output}")
 
 
 def calibration_summary(calibration: Calibration) -> dict[str, Any]:
@@ -126,6 +174,7 @@ def calibration_summary(calibration: Calibration) -> dict[str, Any]:
         "pixel_std": calibration.pixel_std,
         "rms_px": calibration.residuals.rms_px,
         "chi2_per_dof": calibration.residuals.chi2_per_dof,
+        "findings": [asdict(finding) for finding in calibration.findings],
         "warnings": list(calibration.warnings),
     }
 

@@ -22,8 +22,8 @@ from sheetoflight.cli.telling import (
 from sheetoflight.errors import InputError, UntrustworthyError
 from sheetoflight.io.segments_csv import write_lengths
 from sheetoflight.measurement.comparison import MeasuredSegment
-from sheetoflight.model.calibration import Calibration
-from sheetoflight.workflow.calibrated import load_calibration
+from sheetoflight.model.calibration import AnyCalibration
+from sheetoflight.workflow.calibrated import load_any_calibration
 from sheetoflight.workflow.measured import (
     length_row,
     measure_pictures,
@@ -59,7 +59,7 @@ def measure(
     """
     if output:
         refuse_to_overwrite(output, [calibration, *inputs])
-    known = load_calibration(calibration)
+    known = load_any_calibration(calibration)
     tables = [path for path in inputs if path.suffix.lower() == ".csv"]
     if tables and len(inputs) > 1:
         raise InputError(
@@ -81,7 +81,7 @@ def measure(
 
 
 def _in_pictures(
-    calibration: Calibration, paths: list[Path], laser: str | None
+    calibration: AnyCalibration, paths: list[Path], laser: str | None
 ) -> list[MeasuredSegment]:
     files = pictures_named(paths)
     with on_all_cores() as run:

@@ -45,6 +45,7 @@ def verify(
     known_std: float | None = None,
     mpe_mm: float | None = None,
     mpe_per_m: float | None = None,
+    laser: str | None = None,
     output: Annotated[Path | None, Parameter(name=("--output", "-o"))] = None,
     page: Path | None = None,
     json: AsJson = False,
@@ -68,6 +69,9 @@ def verify(
         such error is given, it passes where the stated uncertainties explain its error, |E_n| ≤ 1.
     mpe_per_m
         Part of the maximum permissible error that grows with the length, mm per metre.
+    laser
+        The laser that is on in the pictures, or whose sheet those segments lie on that name
+        none. Needed where the calibration has several.
     output
         Where to write the result as JSON.
     page
@@ -80,7 +84,7 @@ def verify(
     if mpe_mm is not None or mpe_per_m is not None:
         limit = PermissibleError(mpe_mm or 0.0, mpe_per_m or 0.0)
     with on_all_cores() as run:
-        verification = verified(calibration, inputs, known, limit, run, known_std)
+        verification = verified(calibration, inputs, known, limit, run, known_std, laser)
     if output:
         write_verification(output, verification)
     if page:

@@ -97,8 +97,6 @@ class Solution(Generic[State]):
         Where it lies.
     cost : float
         Half the sum of squares there.
-    information : (shared_size, shared_size) array
-        Reduced normal equations of the shared parameters, undamped.
     iterations : int
     converged : bool
         False if `SolverOptions.iterations` ran out, or no step was finite.
@@ -106,52 +104,49 @@ class Solution(Generic[State]):
 
     state: State
     cost: float
-    information: Array
     iterations: int
     converged: bool
 
 
 @dataclass(frozen=True)
 class _Elimination:
-    """One block's share of the normal equations."""
+    """One block's share of the normal equations, the gradient being their last column."""
 
     columns: np.ndarray
-    shared: Array  # (s, s)
-    mixed: Array  # (N, s, k)
+    shared: Array  # (s + 1, s + 1), the corner being twice the cost
+    mixed: Array  # (N, k, s + 1)
     local: Array  # (N, k, k)
-    shared_gradient: Array  # (s,)
-    local_gradient: Array  # (N, k)
 
     @classmethod
     def of(cls, block: Block) -> _Elimination:
-        count, rows, width = block.by_shared.shape
-        flat = block.by_shared.reshape(count * rows, width)
+        whole = np.concatenate([block.by_shared, block.residuals[..., None]], axis=2)
+        flat = whole.reshape(-1, whole.shape[2])
         transposed_local = block.by_local.transpose(0, 2, 1)
         return cls(
             columns=block.columns,
             shared=flat.T @ flat,
-            mixed=block.by_shared.transpose(0, 2, 1) @ block.by_local,
+            mixed=transposed_local @ whole,
             local=transposed_local @ block.by_local,
-            shared_gradient=flat.T @ block.residuals.reshape(-1),
-            local_gradient=(transposed_local @ block.residuals[..., None])[..., 0],
         )
 
     def solved(self, damping: float) -> Array:
-        """Local normal equations solved for ``[mixedᵀ | gradient]``, ``(N, k, s + 1)``."""
+        """Local normal equations solved for `mixed`, ``(N, k, s + 1)``."""
         local = self.local
         if damping:
-            local = local.copy()
-            diagonal = np.arange(local.shape[-1])
-            local[:, diagonal, diagonal] *= 1.0 + damping
-        right = np.concatenate(
-            [self.mixed.transpose(0, 2, 1), self.local_gradient[..., None]], axis=2
-        )
-        return np.linalg.solve(local, right)
+            local = local * (1.0 + damping * np.eye(local.shape[-1]))
+        return np.linalg.solve(local, self.mixed)
 
-    def reduced(self, solved: Array) -> tuple[Array, Array]:
-        """What is left of the shared equations: matrix ``(s, s)`` and gradient ``(s,)``."""
-        taken = np.tensordot(self.mixed, solved, axes=([0, 2], [0, 1]))
-        return self.shared - taken[:, :-1], self.shared_gradient - taken[:, -1]
+    def reduced(self, solved: Array) -> Array:
+        """What is left of the shared equations, ``(s + 1, s + 1)``."""
+        width = self.mixed.shape[2]
+        return self.shared - self.mixed.reshape(-1, width).T @ solved.reshape(-1, width)
+
+    def gain(self, shared: Array, local: Array, damping: float) -> float:
+        """Drop of ½‖r + J δ‖² along a damped step: ``½ δᵀ (λ D δ − g)`` with the gradient g and
+        the diagonal D of the normal equations ``(A + λ D) δ = −g``."""
+        own = np.einsum("nkk->nk", self.local)
+        pull = shared @ (damping * np.diag(self.shared)[:-1] * shared - self.shared[:-1, -1])
+        return 0.5 * float(pull + np.vdot(local, damping * own * local - self.mixed[..., -1]))
 
 
 def solve(
@@ -192,14 +187,26 @@ def solve(
         else:
             damping *= growth
             growth *= 2.0
-    return Solution(
-        state, cost, _information(parts, problem.shared_size), iterations, bool(converged)
-    )
+    return Solution(state, cost, iterations, bool(converged))
 
 
 def reduced_information(blocks: Sequence[Block], size: int) -> Array:
     """Normal equations ``(size, size)`` of the shared parameters, all others eliminated."""
-    return _information([_Elimination.of(block) for block in blocks], size)
+    parts = [_Elimination.of(block) for block in blocks]
+    matrix, _ = _reduced(parts, [part.solved(0.0) for part in parts], size)
+    return 0.5 * (matrix + matrix.T)
+
+
+def _reduced(
+    parts: Sequence[_Elimination], solved: Sequence[Array], size: int
+) -> tuple[Array, Array]:
+    """Matrix and gradient of the shared parameters, the groups' own eliminated."""
+    matrix, gradient = np.zeros((size, size)), np.zeros(size)
+    for part, own in zip(parts, solved, strict=True):
+        reduced = part.reduced(own)
+        matrix[part.columns[:, None], part.columns] += reduced[:-1, :-1]
+        gradient[part.columns] += reduced[:-1, -1]
+    return matrix, gradient
 
 
 def scaled_inverse(information: Array) -> tuple[Array, float]:
@@ -235,34 +242,18 @@ def _step(
     parts: Sequence[_Elimination], size: int, damping: float
 ) -> tuple[Array, list[Array], float]:
     """A damped Gauss-Newton step and the drop in cost that the linear model promises."""
-    matrix, gradient = np.zeros((size, size)), np.zeros(size)
-    all_solved = []
-    undamped = np.zeros(size)
+    solved = [part.solved(damping) for part in parts]
+    matrix, gradient = _reduced(parts, solved, size)
     for part in parts:
-        solved = part.solved(damping)
-        reduced, reduced_gradient = part.reduced(solved)
-        matrix[np.ix_(part.columns, part.columns)] += reduced
-        gradient[part.columns] += reduced_gradient
-        undamped[part.columns] += np.diag(part.shared)
-        all_solved.append(solved)
-    matrix[np.diag_indices(size)] += damping * undamped
+        matrix[part.columns, part.columns] += damping * np.diag(part.shared)[:-1]
     shared = -_solved_symmetric(matrix, gradient)
     local, gain = [], 0.0
-    for part, solved in zip(parts, all_solved, strict=True):
-        own = shared[part.columns]
-        step = -(solved[..., :-1] @ own + solved[..., -1])
+    for part, own in zip(parts, solved, strict=True):
+        here = shared[part.columns]
+        step = -(own[..., :-1] @ here + own[..., -1])
         local.append(step)
-        gain += _model_gain(part, own, step)
+        gain += part.gain(here, step, damping)
     return shared, local, gain
-
-
-def _model_gain(part: _Elimination, shared: Array, local: Array) -> float:
-    """Drop of ½‖r + J δ‖² along a step, from the block's normal equations."""
-    linear = shared @ part.shared_gradient + np.vdot(local, part.local_gradient)
-    along_local = np.einsum("ni,nij,nj->", local, part.local, local)
-    crossing = np.einsum("i,nij,nj->", shared, part.mixed, local)
-    quadratic = 0.5 * (shared @ part.shared @ shared + along_local) + crossing
-    return -float(linear + quadratic)
 
 
 def _solved_symmetric(matrix: Array, right: Array) -> Array:
@@ -274,11 +265,3 @@ def _solved_symmetric(matrix: Array, right: Array) -> Array:
         return scale * np.linalg.solve(scaled, scale * right)
     except np.linalg.LinAlgError:
         return scale * np.linalg.lstsq(scaled, scale * right, rcond=None)[0]
-
-
-def _information(parts: Sequence[_Elimination], size: int) -> Array:
-    matrix = np.zeros((size, size))
-    for part in parts:
-        reduced, _ = part.reduced(part.solved(0.0))
-        matrix[np.ix_(part.columns, part.columns)] += reduced
-    return 0.5 * (matrix + matrix.T)

@@ -129,23 +129,46 @@ def reduced_model(groups: Sequence[Contrasts], size: int, sizes: Array) -> Reduc
     numpy.linalg.LinAlgError
         If a covariance is singular.
     """
+    return _model([_Whitened.of(group, sizes) for group in groups], size)
+
+
+@dataclass(frozen=True)
+class _Whitened:
+    """Groups in units of their noise, ``V = I``, one below the other."""
+
+    columns: np.ndarray
+    values: Array  # (N m,)
+    by_shared: Array  # (N m, s)
+    variances: dict[int, Array]  # V_k, (N, m, m)
+    pulled: dict[int, Array]  # V_k X, (N m, s)
+
+    @classmethod
+    def of(cls, group: Contrasts, sizes: Array) -> _Whitened:
+        whitener = np.linalg.inv(np.linalg.cholesky(group.covariance(sizes)))
+        turned = np.swapaxes(whitener, 1, 2)
+        by_shared = whitener @ group.by_shared
+        width = by_shared.shape[2]
+        variances = {k: whitener @ part @ turned for k, part in group.variances}
+        return cls(
+            group.columns,
+            (whitener @ group.values[..., None]).ravel(),
+            by_shared.reshape(-1, width),
+            variances,
+            {k: (part @ by_shared).reshape(-1, width) for k, part in variances.items()},
+        )
+
+
+def _model(groups: Sequence[_Whitened], size: int) -> ReducedModel:
     information, gradient = np.zeros((size, size)), np.zeros(size)
     shares = {}
     for place, group in enumerate(groups):
-        weighted = np.linalg.solve(group.covariance(sizes), group.by_shared)
-        turned = np.swapaxes(weighted, 1, 2)
         at = np.ix_(group.columns, group.columns)
-        information[at] += np.sum(turned @ group.by_shared, axis=0)
-        gradient[group.columns] += np.sum(turned @ group.values[..., None], axis=0)[:, 0]
-        for k, part in group.variances:
-            shares[place, k] = _embedded(np.sum(turned @ part @ weighted, axis=0), at, size)
+        information[at] += group.by_shared.T @ group.by_shared
+        gradient[group.columns] += group.by_shared.T @ group.values
+        for k, pulled in group.pulled.items():
+            shares[place, k] = np.zeros((size, size))
+            shares[place, k][at] = group.by_shared.T @ pulled
     return ReducedModel(information, gradient, shares)
-
-
-def _embedded(matrix: Array, at: tuple[np.ndarray, ...], size: int) -> Array:
-    whole = np.zeros((size, size))
-    whole[at] = matrix
-    return whole
 
 
 @dataclass(frozen=True)
@@ -248,30 +271,27 @@ def excess(groups: Sequence[Contrasts], size: int, sizes: Array, free: np.ndarra
 def _score(groups: Sequence[Contrasts], size: int, sizes: Array) -> tuple[Array, Array, Array]:
     """Twice the score ``yᵀ P V_k P y − tr(P V_k)``, twice the Fisher information
     ``tr(P V_k P V_l)``, and each component's share of the residuals' variance per unit."""
-    model = reduced_model(groups, size, sizes)
+    whitened = [_Whitened.of(group, sizes) for group in groups]
+    model = _model(whitened, size)
     covariance = np.linalg.inv(model.information)
     shift = covariance @ model.gradient
     count = len(sizes)
     score, scale = np.zeros(count), np.zeros(count)
     fisher = np.zeros((count, count))
-    mixed = [np.zeros((size, size)) for _ in range(count)]
-    for place, group in enumerate(groups):
-        inverse = np.linalg.inv(group.covariance(sizes))
-        weighted = inverse @ group.by_shared
-        rest = inverse @ (group.values - group.by_shared @ shift[group.columns])[..., None]
+    mixed = np.zeros((count, size, size))
+    for place, group in enumerate(whitened):
+        rest = group.values - group.by_shared @ shift[group.columns]
         own = covariance[np.ix_(group.columns, group.columns)]
-        products = {k: inverse @ part for k, part in group.variances}
-        traces = {k: np.trace(product, axis1=1, axis2=2) for k, product in products.items()}
-        for k, part in group.variances:
-            score[k] += float(np.sum(np.swapaxes(rest, 1, 2) @ part @ rest) - traces[k].sum())
-            score[k] += float(np.sum(covariance * model.shares[place, k]))
-            scale[k] = max(scale[k], float(traces[k].mean() / group.values.shape[1]))
+        for k, part in group.variances.items():
+            views = rest.reshape(*part.shape[:2], 1)
+            trace = float(np.einsum("nii->", part))
+            score[k] += np.vdot(views, part @ views) - trace
+            scale[k] = max(scale[k], trace / rest.size)
             mixed[k] += model.shares[place, k]
-            for other, _ in group.variances:
-                crossed = np.einsum("nij,nji->", products[k], products[other])
-                between = np.swapaxes(weighted, 1, 2) @ part @ products[other] @ weighted
-                fisher[k, other] += crossed - 2.0 * np.sum(own * between.sum(axis=0))
-    for k in range(count):
-        for other in range(count):
-            fisher[k, other] += np.sum((covariance @ mixed[k]) * (covariance @ mixed[other]).T)
+            for other, beside in group.variances.items():
+                between = group.pulled[k].T @ group.pulled[other]
+                fisher[k, other] += np.vdot(part, beside) - 2.0 * np.vdot(own, between)
+    reduced = covariance @ mixed
+    score += np.trace(reduced, axis1=1, axis2=2)
+    fisher += np.einsum("kij,lji->kl", reduced, reduced)
     return score, 0.5 * (fisher + fisher.T), scale

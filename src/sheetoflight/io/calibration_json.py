@@ -22,12 +22,20 @@ from sheetoflight.io.calibration_schema import (
 from sheetoflight.io.covariance_json import covariance_document, covariance_from
 from sheetoflight.io.documents import json_text, read_json
 from sheetoflight.io.monte_carlo_json import monte_carlo_document, monte_carlo_from
-from sheetoflight.io.quoting import one_line, shown
+from sheetoflight.io.quoting import file_name, one_line, shown
 from sheetoflight.io.reading import naming
 from sheetoflight.io.schema import validated
-from sheetoflight.model.calibration import Calibration, Residuals, ViewResiduals
+from sheetoflight.model.calibration import (
+    AnyCalibration,
+    Calibration,
+    Residuals,
+    SheetCalibration,
+    ViewResiduals,
+)
 from sheetoflight.model.camera import Camera
+from sheetoflight.model.diagnosis import Finding
 from sheetoflight.model.light_plane import LightPlane
+from sheetoflight.model.sheet_map import SheetMap
 from sheetoflight.model.target import CollinearTarget
 
 FORMAT = "sheetoflight.calibration"
@@ -37,7 +45,7 @@ UNIT_TOLERANCE = 1e-6
 """How far a normal's length may lie from 1: more than rounding, less than a typing error."""
 
 
-def calibration_text(calibration: Calibration) -> str:
+def calibration_text(calibration: AnyCalibration) -> str:
     """A calibration as JSON text; the same calibration gives the same text.
 
     Raises
@@ -45,22 +53,14 @@ def calibration_text(calibration: Calibration) -> str:
     InputError
         If a number is not finite, or the provenance holds what JSON cannot say.
     """
-    camera, target, residuals = calibration.camera, calibration.target, calibration.residuals
-    monte_carlo = calibration.monte_carlo
+    target, residuals, findings = calibration.target, calibration.residuals, calibration.findings
+    monte_carlo = calibration.monte_carlo if isinstance(calibration, Calibration) else None
     return json_text(
         {
             "format": FORMAT,
             "version": VERSION,
             "method": calibration.method,
-            "camera": {
-                "image_size": camera.image_size,
-                "matrix": camera.matrix,
-                "distortion": camera.distortion,
-            },
-            "light_planes": [
-                {"name": plane.name, "normal": plane.normal, "distance_mm": plane.distance_mm}
-                for plane in calibration.light_planes
-            ],
+            **_geometry_document(calibration),
             **({"target": _target_document(target)} if target else {}),
             "pixel_std": calibration.pixel_std,
             "covariance": covariance_document(calibration.covariance),
@@ -70,13 +70,38 @@ def calibration_text(calibration: Calibration) -> str:
                 "views": [_view_document(view) for view in residuals.views],
             },
             **({"monte_carlo": monte_carlo_document(monte_carlo)} if monte_carlo else {}),
+            **({"findings": [asdict(one) for one in findings]} if findings else {}),
             "warnings": calibration.warnings,
             "provenance": calibration.provenance,
         }
     )
 
 
-def write_calibration(path: str | Path, calibration: Calibration) -> None:
+def _geometry_document(calibration: AnyCalibration) -> dict[str, Any]:
+    """Camera and light planes, or the sheet maps of a calibration without a camera."""
+    if isinstance(calibration, SheetCalibration):
+        return {
+            "camera": {"image_size": calibration.image_size},
+            "sheet_maps": [
+                {"name": sheet.name, "parameters": sheet.parameters}
+                for sheet in calibration.sheet_maps
+            ],
+        }
+    camera = calibration.camera
+    return {
+        "camera": {
+            "image_size": camera.image_size,
+            "matrix": camera.matrix,
+            "distortion": camera.distortion,
+        },
+        "light_planes": [
+            {"name": plane.name, "normal": plane.normal, "distance_mm": plane.distance_mm}
+            for plane in calibration.light_planes
+        ],
+    }
+
+
+def write_calibration(path: str | Path, calibration: AnyCalibration) -> None:
     """Write ``calibration.json``, whole or not at all.
 
     Raises
@@ -92,7 +117,25 @@ def write_calibration(path: str | Path, calibration: Calibration) -> None:
 
 
 def read_calibration(path: str | Path) -> Calibration:
-    """A calibration as it was written; keys that are not known are ignored.
+    """A calibration with its camera, as it was written; keys that are not known are ignored.
+
+    Raises
+    ------
+    InputError, FileError
+        As `read_any_calibration`, and if the file holds no camera.
+    """
+    found = read_any_calibration(path)
+    if isinstance(found, SheetCalibration):
+        raise InputError(
+            f"{file_name(path)} was calibrated by method {found.method}: it knows the sheet's "
+            "picture, but no camera",
+            "measure or verify lengths with it; calibrate by method joint for all else",
+        )
+    return found
+
+
+def read_any_calibration(path: str | Path) -> AnyCalibration:
+    """A calibration as it was written, with or without a camera.
 
     Raises
     ------
@@ -105,7 +148,8 @@ def read_calibration(path: str | Path) -> Calibration:
     document = read_json(path)
     with naming(path):
         _check_format(document)
-        return _calibration(validated(CalibrationDocument, document))
+        content = validated(CalibrationDocument, document)
+        return _sheet_calibration(content) if content.sheet_maps else _calibration(content)
 
 
 def _check_format(document: dict[str, Any]) -> None:
@@ -122,7 +166,32 @@ def _check_format(document: dict[str, Any]) -> None:
         )
 
 
+def _sheet_calibration(content: CalibrationDocument) -> SheetCalibration:
+    width, height = content.camera.image_size
+    residuals = content.residuals
+    maps = tuple(
+        SheetMap((width, height), *part.parameters, name=part.name) for part in content.sheet_maps
+    )
+    return SheetCalibration(
+        method=content.method,
+        sheet_maps=maps,
+        covariance=covariance_from(content.covariance),
+        residuals=Residuals(
+            residuals.rms_px,
+            residuals.chi2_per_dof,
+            tuple(_view(view, f"residuals.views[{i}]") for i, view in enumerate(residuals.views)),
+        ),
+        target=_target(content.target) if content.target else None,
+        pixel_std=residuals.rms_px if content.pixel_std is None else content.pixel_std,
+        warnings=tuple(content.warnings),
+        findings=tuple(Finding(**part.model_dump()) for part in content.findings),
+        provenance=content.provenance,
+    )
+
+
 def _calibration(content: CalibrationDocument) -> Calibration:
+    if not content.light_planes:
+        raise InputError("'light_planes' is missing or empty", "calibrate again")
     residuals = content.residuals
     return Calibration(
         method=content.method,
@@ -137,6 +206,7 @@ def _calibration(content: CalibrationDocument) -> Calibration:
         target=_target(content.target) if content.target else None,
         pixel_std=residuals.rms_px if content.pixel_std is None else content.pixel_std,
         warnings=tuple(content.warnings),
+        findings=tuple(Finding(**part.model_dump()) for part in content.findings),
         provenance=content.provenance,
         monte_carlo=monte_carlo_from(content.monte_carlo) if content.monte_carlo else None,
     )
@@ -144,6 +214,8 @@ def _calibration(content: CalibrationDocument) -> Calibration:
 
 def _camera(part: CameraPart) -> Camera:
     width, height = part.image_size
+    if part.matrix is None or part.distortion is None:
+        raise InputError("camera: 'matrix' or 'distortion' is missing", "calibrate again")
     with naming("camera"):
         return Camera.from_matrix((width, height), np.array(part.matrix), part.distortion)
 

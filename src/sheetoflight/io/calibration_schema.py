@@ -27,8 +27,15 @@ class CameraPart(_Part):
     image_size: Annotated[
         list[Annotated[int, Field(ge=1, le=1_000_000)]], Field(min_length=2, max_length=2)
     ]
-    matrix: Annotated[list[_Three], Field(min_length=3, max_length=3)]
-    distortion: _Five
+    matrix: Annotated[list[_Three], Field(min_length=3, max_length=3)] | None = None
+    distortion: _Five | None = None
+
+
+class SheetMapPart(_Part):
+    """An entry of ``sheet_maps``: metric homography from the image to the sheet."""
+
+    name: _Name
+    parameters: _Five
 
 
 class LightPlanePart(_Part):
@@ -97,6 +104,18 @@ class ResidualsPart(_Part):
     views: list[ViewPart] = []
 
 
+class FindingPart(_Part):
+    """An entry of ``findings``: one cause that the residuals point to."""
+
+    stage: _Name
+    cause: _Name
+    text: _Name
+    remedy: _Name
+    explained: Annotated[float, Field(ge=0, le=1)]
+    odds: Annotated[float, Field(ge=0, le=1)]
+    shift: Annotated[float, Field(ge=0)] = 0.0
+
+
 class PropagatedPart(_Part):
     """An entry of ``monte_carlo.parameters``: one quantity, by Monte Carlo and as stated."""
 
@@ -138,17 +157,19 @@ class CalibrationDocument(_Part):
 
     What this package writes beyond the documented keys may be missing: ``target`` (then its
     tolerance is not in the uncertainty), ``pixel_std`` (then ``rms_px``), ``warnings``,
-    ``monte_carlo`` (then none was made), and of ``covariance`` its ``sources`` and ``noise``
-    (then what it comes from is not known).
+    ``findings``, ``monte_carlo`` (then none was made), and of ``covariance`` its ``sources`` and
+    ``noise`` (then what it comes from is not known).
     """
 
     method: _Name
     camera: CameraPart
-    light_planes: Annotated[list[LightPlanePart], Field(min_length=1)]
+    light_planes: list[LightPlanePart] = []
+    sheet_maps: list[SheetMapPart] = []
     target: TargetPart | None = None
     pixel_std: Annotated[float, Field(ge=0)] | None = None
     covariance: CovariancePart
     residuals: ResidualsPart
+    findings: list[FindingPart] = []
     warnings: list[str] = []
     provenance: dict[str, Any] = {}
     monte_carlo: MonteCarloPart | None = None

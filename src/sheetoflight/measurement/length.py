@@ -16,7 +16,7 @@ from sheetoflight.measurement.triangulation import (
     parameter_names,
     triangulate_with_jacobians,
 )
-from sheetoflight.model.calibration import Calibration
+from sheetoflight.model.calibration import AnyCalibration, SheetCalibration
 
 IMAGE_POINTS = "image points"
 """What the noise of the measured points themselves is called in a budget."""
@@ -64,7 +64,7 @@ class Length:
 
 
 def length(
-    calibration: Calibration,
+    calibration: AnyCalibration,
     uv_1: Array,
     uv_2: Array,
     std_px: float | None = None,
@@ -74,7 +74,7 @@ def length(
 
     Parameters
     ----------
-    calibration : Calibration
+    calibration : Calibration or SheetCalibration
     uv_1, uv_2 : (2,) arrays
         Image points in px.
     std_px : float, optional
@@ -101,7 +101,7 @@ def length(
 
 
 def lengths(
-    calibration: Calibration,
+    calibration: AnyCalibration,
     ends: Array,
     std_px: Array | None = None,
     names: tuple[str, ...] | None = None,
@@ -111,7 +111,7 @@ def lengths(
 
     Parameters
     ----------
-    calibration : Calibration
+    calibration : Calibration or SheetCalibration
     ends : (N, 2, 2) array
         Both image points of each segment in px.
     std_px : (N,) or (N, 2) array, optional
@@ -150,7 +150,7 @@ class LengthChanges:
         mm.
     by_pixel : (N, 2, 2) array
         By u and v of both ends, mm per px.
-    by_parameter : (N, 14) array
+    by_parameter : (N, P) array
         By `names`, mm per unit.
     names : tuple of str
     """
@@ -162,7 +162,7 @@ class LengthChanges:
 
 
 def _changes(
-    calibration: Calibration, ends: Array, names: tuple[str, ...], laser: str | None
+    calibration: AnyCalibration, ends: Array, names: tuple[str, ...], laser: str | None
 ) -> LengthChanges:
     points = triangulate_with_jacobians(calibration, ends.reshape(-1, 2), laser)
     _refuse_points_off_the_sheet(calibration, ends, points, names)
@@ -176,16 +176,17 @@ def _changes(
         )
     direction = difference / values[:, None]
     along = np.stack([-direction, direction], axis=1)[:, :, None, :]
+    sheet_names = parameter_names(calibration.sheet(laser))
     return LengthChanges(
         values,
         (along @ points.by_pixel.reshape(-1, 2, 3, 2))[:, :, 0],
-        (along @ points.by_parameter.reshape(-1, 2, 3, 14))[:, :, 0].sum(axis=1),
-        parameter_names(calibration.sheet(laser)),
+        (along @ points.by_parameter.reshape(-1, 2, 3, len(sheet_names)))[:, :, 0].sum(axis=1),
+        sheet_names,
     )
 
 
 def _shares(
-    calibration: Calibration, change: LengthChanges, noise: Array, stated: bool
+    calibration: AnyCalibration, change: LengthChanges, noise: Array, stated: bool
 ) -> list[tuple[str, str | None, Array]]:
     """Variances by source: its name, the noise component it goes with, and ``(N,)`` mm²."""
     covariance = calibration.covariance
@@ -200,7 +201,7 @@ def _shares(
 
 
 def _length(
-    calibration: Calibration, value: float, shares: list[tuple[str, str | None, float]]
+    calibration: AnyCalibration, value: float, shares: list[tuple[str, str | None, float]]
 ) -> Length:
     total = sum(part for _, _, part in shares)
     by_source: dict[str, float] = {}
@@ -215,10 +216,11 @@ def _length(
 
 
 def _refuse_points_off_the_sheet(
-    calibration: Calibration, ends: Array, points: TriangulatedPoints, names: tuple[str, ...]
+    calibration: AnyCalibration, ends: Array, points: TriangulatedPoints, names: tuple[str, ...]
 ) -> None:
-    width, height = calibration.camera.image_size
-    rays = calibration.camera.unproject(ends)
+    width, height = calibration.image_size
+    camera = None if isinstance(calibration, SheetCalibration) else calibration.camera
+    rays = ends if camera is None else camera.unproject(ends)
     for index, name in enumerate(names):
         for end in range(2):
             u, v = ends[index, end]

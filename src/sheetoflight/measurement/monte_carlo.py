@@ -1,7 +1,7 @@
 """The stated uncertainties checked by Monte Carlo: the rig re-simulated and calibrated again.
 
 The propagation of distributions of JCGM 101:2008 (GUM Supplement 1), 5.9 and 7, with two
-differences that are derived in docs/monte-carlo.md: the measurement function is the whole
+differences that are derived in docs/uncertainty.md: the measurement function is the whole
 calibration, which estimates the size of its noise too; and the interval is read from the
 studentised results ``T = (y* − y) / u*``, u* being the trial's own standard uncertainty. For noise
 of one unknown size T has the t-distribution that 6.4.9 of the Supplement assigns.

@@ -8,9 +8,11 @@ import numpy as np
 
 from sheetoflight.errors import InputError
 from sheetoflight.geometry.directions import Array
-from sheetoflight.model.calibration import Calibration
+from sheetoflight.model.calibration import AnyCalibration, SheetCalibration
 from sheetoflight.model.camera import Camera
+from sheetoflight.model.covariance import PLANE_PARTS, SHEET_MAP_PARTS
 from sheetoflight.model.light_plane import LightPlane
+from sheetoflight.model.sheet_map import SheetMap
 
 
 @dataclass(frozen=True)
@@ -23,7 +25,7 @@ class TriangulatedPoints:
         mm, camera frame; NaN where the ray does not meet the sheet in front of the camera.
     by_pixel : (N, 3, 2) array
         mm per px.
-    by_parameter : (N, 3, 14) array
+    by_parameter : (N, 3, P) array
         mm per unit of `parameter_names`.
     """
 
@@ -32,13 +34,16 @@ class TriangulatedPoints:
     by_parameter: Array
 
 
-def parameter_names(plane: LightPlane) -> tuple[str, ...]:
-    """Names of the ten camera and four plane parameters, as in `Calibration.covariance`."""
+def parameter_names(sheet: LightPlane | SheetMap) -> tuple[str, ...]:
+    """Names, as in `Calibration.covariance`, of the ten camera and four plane parameters, or of
+    the five of a sheet map."""
+    if isinstance(sheet, SheetMap):
+        return tuple(f"{sheet.name}.{part}" for part in SHEET_MAP_PARTS)
     camera = tuple(f"camera.{name}" for name in Camera.PARAMETERS)
-    return (*camera, *(f"{plane.name}.{name}" for name in ("nx", "ny", "nz", "d")))
+    return (*camera, *(f"{sheet.name}.{part}" for part in PLANE_PARTS))
 
 
-def triangulate(calibration: Calibration, uv: Array, laser: str | None = None) -> Array:
+def triangulate(calibration: AnyCalibration, uv: Array, laser: str | None = None) -> Array:
     """Image points on the laser line to points in space: ``X = d r / (n · r)``.
 
     Parameters
@@ -52,14 +57,18 @@ def triangulate(calibration: Calibration, uv: Array, laser: str | None = None) -
     Returns
     -------
     (N, 3) or (3,) array
-        mm, camera frame; NaN where the ray does not meet the sheet in front of the camera.
+        mm, camera frame – of a camera-free calibration, the sheet's own; NaN where the ray does
+        not meet the sheet in front of the camera.
 
     Raises
     ------
     InputError
         If `uv` does not hold pairs of numbers, or the laser is not known.
     """
-    return calibration.sheet(laser).intersect(calibration.camera.unproject(checked_pixels(uv)))
+    pixels = checked_pixels(uv)
+    if isinstance(calibration, SheetCalibration):
+        return calibration.sheet(laser).points(pixels)
+    return calibration.sheet(laser).intersect(calibration.camera.unproject(pixels))
 
 
 def checked_pixels(uv: Array) -> Array:
@@ -76,13 +85,17 @@ def checked_pixels(uv: Array) -> Array:
 
 
 def triangulate_with_jacobians(
-    calibration: Calibration, uv: Array, laser: str | None = None
+    calibration: AnyCalibration, uv: Array, laser: str | None = None
 ) -> TriangulatedPoints:
     """`triangulate` for ``(N, 2)`` image points, with derivatives.
 
     From ``t = d / (n · r)`` and ``X = t r``: ``dX = (I − r nᵀ/(n · r)) t dr − r t (r · dn)/(n · r)
     + r dd/(n · r)``.
     """
+    if isinstance(calibration, SheetCalibration):
+        return TriangulatedPoints(
+            *calibration.sheet(laser).points_with_jacobians(checked_pixels(uv))
+        )
     plane = calibration.sheet(laser)
     rays, ray_by_pixel, ray_by_camera = calibration.camera.unproject_with_jacobians(
         checked_pixels(uv)

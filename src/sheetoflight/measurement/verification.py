@@ -18,7 +18,7 @@ from sheetoflight.measurement.comparison import (
 )
 from sheetoflight.measurement.error_statistics import ErrorStatistics, error_statistics
 from sheetoflight.measurement.triangulation import parameter_names, triangulate_with_jacobians
-from sheetoflight.model.calibration import Calibration
+from sheetoflight.model.calibration import AnyCalibration
 
 
 @dataclass(frozen=True, eq=False)
@@ -85,7 +85,7 @@ class Verification:
 
 
 def verify_lengths(
-    calibration: Calibration,
+    calibration: AnyCalibration,
     segments: Sequence[MeasuredSegment],
     known: Mapping[str, KnownLength],
     limit: PermissibleError | None = None,
@@ -138,11 +138,11 @@ def verify_lengths(
             np.array([one.value for one in lengths]),
             covariance,
         ),
-        calibration.camera.image_size,
+        calibration.image_size,
     )
 
 
-def length_covariance(calibration: Calibration, segments: Sequence[MeasuredSegment]) -> Array:
+def length_covariance(calibration: AnyCalibration, segments: Sequence[MeasuredSegment]) -> Array:
     """Covariance ``(N, N)`` of measured lengths, mm².
 
     The calibration's error is in all of them, ``J C Jᵀ``; what else makes up a length's variance
@@ -153,7 +153,7 @@ def length_covariance(calibration: Calibration, segments: Sequence[MeasuredSegme
     InputError
         If the calibration has no laser of a segment's name, or several and none is named.
     """
-    every = (parameter_names(plane) for plane in calibration.light_planes)
+    every = (parameter_names(calibration.sheet(laser)) for laser in calibration.lasers)
     names = tuple(dict.fromkeys(name for names in every for name in names))
     by_parameter = np.zeros((len(segments), len(names)))
     for row, segment in zip(by_parameter, segments, strict=True):
@@ -164,7 +164,7 @@ def length_covariance(calibration: Calibration, segments: Sequence[MeasuredSegme
     return shared + np.diag(np.maximum(variances - np.diag(shared), 0.0))
 
 
-def _by_parameter(calibration: Calibration, segment: MeasuredSegment) -> Array:
+def _by_parameter(calibration: AnyCalibration, segment: MeasuredSegment) -> Array:
     """Derivatives of a length by the parameters of camera and sheet."""
     points = triangulate_with_jacobians(calibration, segment.ends, segment.laser)
     direction = normalised(points.xyz[1] - points.xyz[0])

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 
@@ -16,6 +16,7 @@ from sheetoflight.model.covariance import Covariance
 from sheetoflight.model.diagnosis import Finding
 from sheetoflight.model.light_plane import LightPlane
 from sheetoflight.model.monte_carlo import MonteCarlo
+from sheetoflight.model.sheet_map import SheetMap
 from sheetoflight.model.target import CollinearTarget
 
 if TYPE_CHECKING:
@@ -60,8 +61,41 @@ class Residuals:
     views: tuple[ViewResiduals, ...] = ()
 
 
+class _Measuring:
+    """What can be done with either kind of calibration."""
+
+    # The three methods below are the public face of higher floors; the import contract
+    # names these imports one by one (docs/decisions/0002-methods-on-calibration.md).
+
+    def triangulate(self, uv: Array, laser: str | None = None) -> Array:
+        """Image points ``(N, 2)`` px on the laser line to points ``(N, 3)`` mm, camera frame.
+
+        See `sheetoflight.measurement.triangulation.triangulate`.
+        """
+        from sheetoflight.measurement.triangulation import triangulate
+
+        return triangulate(cast("AnyCalibration", self), uv, laser)
+
+    def length(
+        self, uv_1: Array, uv_2: Array, std_px: float | None = None, laser: str | None = None
+    ) -> Length:
+        """Distance between two image points on the laser line, with its uncertainty.
+
+        See `sheetoflight.measurement.length.length`.
+        """
+        from sheetoflight.measurement.length import length
+
+        return length(cast("AnyCalibration", self), uv_1, uv_2, std_px, laser)
+
+    def save(self, path: str | Path) -> None:
+        """Write ``calibration.json``, whole or not at all."""
+        from sheetoflight.io.calibration_json import write_calibration
+
+        write_calibration(path, cast("AnyCalibration", self))
+
+
 @dataclass(frozen=True, eq=False)
-class Calibration:
+class Calibration(_Measuring):
     """A calibrated sensor.
 
     Parameters
@@ -122,42 +156,81 @@ class Calibration:
         InputError
             If there is no laser of that name, or several and none is named.
         """
-        names = [plane.name for plane in self.light_planes]
-        if laser is None and len(names) > 1:
-            raise InputError(
-                f"the calibration has the lasers {', '.join(names)}", "say which one is meant"
-            )
-        if laser is not None and laser not in names:
-            raise InputError(
-                f"the calibration has no laser '{laser}'", f"choose {' | '.join(names)}"
-            )
-        return self.light_planes[0 if laser is None else names.index(laser)]
+        return self.light_planes[_chosen(list(self.lasers), laser)]
 
-    # The three methods below are the public face of higher floors; the import contract
-    # names these imports one by one (docs/decisions/0002-methods-on-calibration.md).
+    @property
+    def image_size(self) -> tuple[int, int]:
+        """Width and height of the pictures in px."""
+        return self.camera.image_size
 
-    def triangulate(self, uv: Array, laser: str | None = None) -> Array:
-        """Image points ``(N, 2)`` px on the laser line to points ``(N, 3)`` mm, camera frame.
+    @property
+    def lasers(self) -> tuple[str, ...]:
+        """Names of the sheets of light."""
+        return tuple(plane.name for plane in self.light_planes)
 
-        See `sheetoflight.measurement.triangulation.triangulate`.
+
+@dataclass(frozen=True, eq=False)
+class SheetCalibration(_Measuring):
+    """Sheets of light that can be measured in, the camera being unknown (method camera-free).
+
+    Points are in the frame of their own sheet, z being 0.
+
+    Parameters
+    ----------
+    method : str
+    sheet_maps : tuple of SheetMap
+    covariance : Covariance
+        Of ``laser.a``, ``laser.b``, ``laser.c``, ``laser.l1``, ``laser.l2``.
+    residuals, target, pixel_std, warnings, findings, provenance
+        As of `Calibration`; the residuals' ``xyz`` are in the frame of the view's sheet.
+    """
+
+    method: str
+    sheet_maps: tuple[SheetMap, ...]
+    covariance: Covariance
+    residuals: Residuals
+    target: CollinearTarget | None
+    pixel_std: float
+    warnings: tuple[str, ...] = ()
+    findings: tuple[Finding, ...] = ()
+    provenance: Mapping[str, Any] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        if not self.sheet_maps:
+            raise InputError("the calibration has no sheet map", "give at least one")
+        if not (np.isfinite(self.pixel_std) and self.pixel_std >= 0):
+            raise InputError(f"pixel_std is {self.pixel_std} px", "give a value of 0 or more")
+
+    def sheet(self, laser: str | None = None) -> SheetMap:
+        """The sheet of light of a laser; its name may be left out where there is one.
+
+        Raises
+        ------
+        InputError
+            If there is no laser of that name, or several and none is named.
         """
-        from sheetoflight.measurement.triangulation import triangulate
+        return self.sheet_maps[_chosen(list(self.lasers), laser)]
 
-        return triangulate(self, uv, laser)
+    @property
+    def image_size(self) -> tuple[int, int]:
+        """Width and height of the pictures in px."""
+        return self.sheet_maps[0].image_size
 
-    def length(
-        self, uv_1: Array, uv_2: Array, std_px: float | None = None, laser: str | None = None
-    ) -> Length:
-        """Distance between two image points on the laser line, with its uncertainty.
+    @property
+    def lasers(self) -> tuple[str, ...]:
+        """Names of the sheets of light."""
+        return tuple(sheet.name for sheet in self.sheet_maps)
 
-        See `sheetoflight.measurement.length.length`.
-        """
-        from sheetoflight.measurement.length import length
 
-        return length(self, uv_1, uv_2, std_px, laser)
+AnyCalibration = Calibration | SheetCalibration
+"""What can be measured with."""
 
-    def save(self, path: str | Path) -> None:
-        """Write ``calibration.json``, whole or not at all."""
-        from sheetoflight.io.calibration_json import write_calibration
 
-        write_calibration(path, self)
+def _chosen(names: list[str], laser: str | None) -> int:
+    if laser is None and len(names) > 1:
+        raise InputError(
+            f"the calibration has the lasers {', '.join(names)}", "say which one is meant"
+        )
+    if laser is not None and laser not in names:
+        raise InputError(f"the calibration has no laser '{laser}'", f"choose {' | '.join(names)}")
+    return 0 if laser is None else names.index(laser)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
@@ -119,10 +119,8 @@ class Camera:
 
     def with_parameters(self, values: Array) -> Camera:
         """The same picture size with all ten parameters replaced."""
-        alpha, beta, gamma, u0, v0, *distortion = (float(x) for x in values)
-        return replace(
-            self, alpha=alpha, beta=beta, gamma=gamma, u0=u0, v0=v0, distortion=tuple(distortion)
-        )
+        alpha, beta, gamma, u0, v0, k1, k2, p1, p2, k3 = np.asarray(values, dtype=float).tolist()
+        return Camera(self.image_size, alpha, beta, u0, v0, gamma, (k1, k2, p1, p2, k3))
 
     @cached_property
     def matrix(self) -> Array:

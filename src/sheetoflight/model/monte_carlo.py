@@ -43,7 +43,7 @@ class PropagatedQuantity:
     std : float
         Their standard deviation.
     low, high : float
-        Ends of the 95 % interval by Monte Carlo (studentised: docs/monte-carlo.md).
+        Ends of the 95 % interval by Monte Carlo (studentised: docs/uncertainty.md).
     analytic_std, analytic_low, analytic_high : float
         Standard uncertainty and 95 % interval as stated by the calibration.
     coverage : float

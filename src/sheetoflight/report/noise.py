@@ -20,7 +20,16 @@ COMPONENTS = {
 
 ESTIMATED, STATED = "estimated from the residuals", "stated"
 _NOT_FOUND = "none found, or stated as none"
+_FOUND_NONE = "estimated from the residuals, which show none"
+_STATED_NONE = "stated as none"
+_BESIDE_STATED = "not sought where the placement error is stated"
+_NOT_SOUGHT = "not sought by this method"
 _NOT_RECORDED = "the file does not say where it comes from"
+NO_SIZE = ("–", "0")
+"""What stands for the size of noise that there is none of."""
+
+_STATED_PLACEMENT = "stated_placement_std_mm"
+"""Key of the provenance that holds what ``rig.toml`` states of the placement error."""
 
 
 @dataclass(frozen=True)
@@ -50,10 +59,29 @@ def noise_origin(calibration: Calibration, component: str) -> str:
     covariance = calibration.covariance
     if component in covariance.components.names:
         return ESTIMATED
+    if component != "pixel" and _STATED_PLACEMENT in calibration.provenance:
+        return _off_sheet_origin(calibration, component)
     if not covariance.sources:
         return _NOT_RECORDED
     stated = component == "pixel" or any(source.name == component for source in covariance.sources)
     return STATED if stated else _NOT_FOUND
+
+
+def _off_sheet_origin(calibration: Calibration, component: str) -> str:
+    stated = _stated_placement(calibration)
+    if stated is None:
+        return _NOT_SOUGHT if calibration.method == "paper" else _FOUND_NONE
+    if component == "marker":
+        return _BESIDE_STATED
+    return STATED if stated > 0 else _STATED_NONE
+
+
+def _stated_placement(calibration: Calibration) -> float | None:
+    """``placement_std_mm`` of the rig, mm; None where it was left to be estimated."""
+    stated = calibration.provenance.get(_STATED_PLACEMENT)
+    if isinstance(stated, bool) or not isinstance(stated, int | float):
+        return None
+    return float(stated) if math.isfinite(stated) and stated >= 0 else None
 
 
 def _component(calibration: Calibration, name: str) -> NoiseRow | None:
@@ -64,8 +92,22 @@ def _component(calibration: Calibration, name: str) -> NoiseRow | None:
     if name != "pixel" and "plane" not in stages:
         return None
     meaning, unit = COMPONENTS[name]
-    size = two_digits(calibration.pixel_std) if name == "pixel" else "–"
-    return NoiseRow(name, meaning, size, "–", unit, "–", noise_origin(calibration, name))
+    return NoiseRow(
+        name,
+        meaning,
+        _stated_size(calibration, name),
+        "–",
+        unit,
+        "–",
+        noise_origin(calibration, name),
+    )
+
+
+def _stated_size(calibration: Calibration, name: str) -> str:
+    if name == "pixel":
+        return two_digits(calibration.pixel_std)
+    stated = _stated_placement(calibration) if name == "placement" else None
+    return NO_SIZE[0] if stated is None else two_digits(stated) if stated > 0 else NO_SIZE[1]
 
 
 def _estimated(covariance: Covariance, name: str) -> NoiseRow:

@@ -157,12 +157,9 @@ def _middle_of_picture(
 def noise_in_words(calibration: Calibration) -> str:
     """What χ²/dof says about the residuals, in a sentence."""
     chi2 = calibration.residuals.chi2_per_dof
-    seen = sum(int(np.isfinite(v.residuals).sum()) for v in calibration.residuals.views)
     if math.isclose(chi2, 1.0, abs_tol=1e-9):
         return "The noise was estimated from the residuals themselves, so χ²/dof is 1."
-    # About half of the observed coordinates are degrees of freedom: the rest went into poses.
-    reach = _USUAL_SPREADS * math.sqrt(2.0 / max(seen / 2.0, 1.0))
-    if abs(chi2 - 1.0) <= reach:
+    if abs(chi2 - 1.0) <= _usual_reach(calibration):
         return "The residuals agree with this noise."
     if chi2 > 1.0:
         return (
@@ -175,6 +172,18 @@ def noise_in_words(calibration: Calibration) -> str:
             "safe side."
         )
     return "Whether the residuals agree with this noise is not known."
+
+
+def residuals_exceed_noise(calibration: Calibration) -> bool:
+    """Whether χ²/dof lies farther above 1 than noise of the stated size brings it."""
+    return calibration.residuals.chi2_per_dof > 1.0 + _usual_reach(calibration)
+
+
+def _usual_reach(calibration: Calibration) -> float:
+    """How far from 1 chance alone brings χ²/dof."""
+    seen = sum(int(np.isfinite(v.residuals).sum()) for v in calibration.residuals.views)
+    # About half of the observed coordinates are degrees of freedom: the rest went into poses.
+    return _USUAL_SPREADS * math.sqrt(2.0 / max(seen / 2.0, 1.0))
 
 
 def flat(mapping: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, str]]:

@@ -9,9 +9,11 @@ from sheetoflight.model.calibration import Calibration
 from sheetoflight.report import numbers
 from sheetoflight.report.budget import Budget, budget_table, length_budget, parameter_budgets
 from sheetoflight.report.contents import MeasuredPicture, Table
+from sheetoflight.report.diagnosis_block import diagnosis
 from sheetoflight.report.environment import environment
 from sheetoflight.report.length_field import LengthField, field_tables, length_fields, summary
-from sheetoflight.report.noise import noise_origin, noise_rows
+from sheetoflight.report.monte_carlo_block import monte_carlo_tables
+from sheetoflight.report.noise import NO_SIZE, NoiseRow, noise_origin, noise_rows
 from sheetoflight.report.picture_block import picture_blocks
 from sheetoflight.report.plots import budget_plot, calibration_plots, residual_plots
 from sheetoflight.report.point_groups import point_groups, stages_of
@@ -33,7 +35,7 @@ def build_report(
     pictures : sequence of MeasuredPicture
         Pictures of the calibrated camera with the lengths that were measured in them.
     tables : sequence of Table
-        Shown as they are given.
+        Shown as they are given, behind those of the Monte Carlo where one was made.
 
     Returns
     -------
@@ -49,6 +51,7 @@ def build_report(
     budgets = _length_budgets(calibration, fields, pictures)
     covariance = calibration.covariance
     known = bool(covariance.parameters)
+    noise = noise_rows(calibration)
     return (
         environment()
         .get_template("page.html")
@@ -56,9 +59,10 @@ def build_report(
             calibration=calibration,
             several=len(calibration.light_planes) > 1,
             noise_words=numbers.noise_in_words(calibration),
-            noise=noise_rows(calibration),
+            noise=noise,
             pixel_origin=noise_origin(calibration, "pixel"),
-            placement=_placement(calibration),
+            placement=_placement(noise),
+            diagnosis=diagnosis(calibration),
             stages=_stage_counts(calibration),
             groups=_group_counts(calibration),
             fields=[(summary(field), field_tables(field)) for field in fields],
@@ -74,7 +78,7 @@ def build_report(
             calibration_plots=calibration_plots(calibration),
             residual_plots=residual_plots(calibration),
             pictures=picture_blocks(calibration, pictures),
-            tables=tables,
+            tables=(*monte_carlo_tables(calibration), *tables),
             provenance=tuple(numbers.flat(calibration.provenance)),
         )
     )
@@ -102,12 +106,10 @@ def _length_budgets(
     return [*expected, *measured]
 
 
-def _placement(calibration: Calibration) -> str:
-    """The estimated placement error in mm, "" where there is none."""
-    components = calibration.covariance.components
-    if "placement" not in components.names:
-        return ""
-    return numbers.two_digits(components.std[components.names.index("placement")])
+def _placement(rows: Sequence[NoiseRow]) -> tuple[str, str] | None:
+    """Size of the placement error in mm and where it comes from; None where there is none."""
+    sized = [row for row in rows if row.name == "placement" and row.size not in NO_SIZE]
+    return (sized[0].size, sized[0].origin) if sized else None
 
 
 def _stage_counts(calibration: Calibration) -> list[tuple[str, int]]:

@@ -6,12 +6,13 @@ import platform
 from dataclasses import asdict, replace
 from importlib.metadata import version
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal, overload
 
 from sheetoflight.calibration import methods
-from sheetoflight.calibration.methods import CalibrationOptions
-from sheetoflight.io.calibration_json import read_calibration
-from sheetoflight.model.calibration import Calibration
+from sheetoflight.calibration.camera_free_method import camera_free
+from sheetoflight.calibration.methods import CAMERA_FREE, CalibrationOptions
+from sheetoflight.io.calibration_json import read_any_calibration, read_calibration
+from sheetoflight.model.calibration import AnyCalibration, Calibration, SheetCalibration
 from sheetoflight.model.rig import Rig
 from sheetoflight.workflow.rig_folder import load_rig
 from sheetoflight.workflow.spread import ALONE, Execution
@@ -30,12 +31,23 @@ def load_calibration(path: str | Path) -> Calibration:
     return read_calibration(path)
 
 
+def load_any_calibration(path: str | Path) -> AnyCalibration:
+    """Read ``calibration.json``, with or without a camera: all that can be measured with.
+
+    Raises
+    ------
+    FileError, InputError
+        If the file cannot be read or does not hold a calibration.
+    """
+    return read_any_calibration(path)
+
+
 def calibrate_folder(
     folder: str | Path,
     method: str = "joint",
     options: CalibrationOptions | None = None,
     run: Execution = ALONE,
-) -> Calibration:
+) -> AnyCalibration:
     """Load a rig folder and calibrate it, noting in the result what was used.
 
     Raises
@@ -48,13 +60,36 @@ def calibrate_folder(
     return calibrate(load_rig(folder, run), method, options)
 
 
+@overload
+def calibrate(  # pyright: ignore[reportOverlappingOverload] – the literal comes first
+    rig: Rig, method: Literal["camera-free"], options: CalibrationOptions | None = None
+) -> SheetCalibration: ...
+
+
+@overload
 def calibrate(
     rig: Rig, method: str = "joint", options: CalibrationOptions | None = None
-) -> Calibration:
-    """Calibrate a rig, noting in the result what was used; see `calibration.methods.calibrate`."""
+) -> Calibration: ...
+
+
+def calibrate(
+    rig: Rig, method: str = "joint", options: CalibrationOptions | None = None
+) -> AnyCalibration:
+    """Calibrate a rig, noting in the result what was used.
+
+    Parameters
+    ----------
+    rig : Rig
+    method : {"joint", "two-step", "paper", "camera-free"}
+        See `calibration.methods.calibrate`; ``camera-free`` needs no camera stage and gives a
+        `SheetCalibration`, with which lengths on the sheet are measured.
+    options : CalibrationOptions, optional
+    """
     options = options or CalibrationOptions()
-    calibration = methods.calibrate(rig, method, options)
-    return replace(calibration, provenance=_provenance(rig, method, options))
+    provenance = _provenance(rig, method, options)
+    if method == CAMERA_FREE:
+        return replace(camera_free(rig), provenance=provenance)
+    return replace(methods.calibrate(rig, method, options), provenance=provenance)
 
 
 def _provenance(rig: Rig, method: str, options: CalibrationOptions) -> dict[str, Any]:

@@ -17,7 +17,7 @@ from sheetoflight.io.quoting import shown
 from sheetoflight.io.segments_csv import LengthRow, Segments, read_segments
 from sheetoflight.measurement.comparison import MeasuredSegment
 from sheetoflight.measurement.length import Length, lengths
-from sheetoflight.model.calibration import Calibration
+from sheetoflight.model.calibration import AnyCalibration
 from sheetoflight.model.line_piece import LinePiece
 from sheetoflight.workflow.spread import ALONE, Execution, spread
 
@@ -50,7 +50,7 @@ def length_row(measured: MeasuredSegment) -> LengthRow:
 
 
 def measure_segments(
-    calibration: Calibration, path: str | Path, laser: str | None = None
+    calibration: AnyCalibration, path: str | Path, laser: str | None = None
 ) -> list[MeasuredSegment]:
     """Lengths of the segments of a ``segments.csv``, in the order of its rows.
 
@@ -70,7 +70,7 @@ def measure_segments(
 
 
 def measured_segments(
-    calibration: Calibration, segments: Segments, laser: str | None = None
+    calibration: AnyCalibration, segments: Segments, laser: str | None = None
 ) -> list[MeasuredSegment]:
     """Lengths of segments that were read, in their order; see `measure_segments`."""
     lasers = _lasers_of(calibration, segments, laser)
@@ -90,9 +90,11 @@ def measured_segments(
     ]
 
 
-def _lasers_of(calibration: Calibration, segments: Segments, laser: str | None) -> list[str | None]:
+def _lasers_of(
+    calibration: AnyCalibration, segments: Segments, laser: str | None
+) -> list[str | None]:
     """The laser of each segment: its own, or else `laser`."""
-    known = [plane.name for plane in calibration.light_planes]
+    known = list(calibration.lasers)
     named = [own or laser for own in segments.laser or (None,) * len(segments)]
     for segment, name in zip(segments.names, named, strict=True):
         if name is None and len(known) > 1:
@@ -125,7 +127,7 @@ def pictures_named(paths: Sequence[str | Path]) -> list[PictureFile]:
 
 
 def measure_pictures(
-    calibration: Calibration,
+    calibration: AnyCalibration,
     files: Sequence[PictureFile],
     run: Execution = ALONE,
     laser: str | None = None,
@@ -149,7 +151,7 @@ def measure_pictures(
     if files:
         _refuse_unknown_laser(calibration, laser)
     found = spread(
-        partial(found_pieces, image_size=calibration.camera.image_size),
+        partial(found_pieces, image_size=calibration.image_size),
         files,
         "find the line",
         run,
@@ -160,8 +162,8 @@ def measure_pictures(
     ]
 
 
-def _refuse_unknown_laser(calibration: Calibration, laser: str | None) -> None:
-    known = [plane.name for plane in calibration.light_planes]
+def _refuse_unknown_laser(calibration: AnyCalibration, laser: str | None) -> None:
+    known = list(calibration.lasers)
     if laser is None and len(known) > 1:
         raise InputError(
             f"the calibration has the lasers {' and '.join(known)}, and which of them is on in "
@@ -198,7 +200,7 @@ def laser_pictures(file: PictureFile) -> tuple[np.ndarray, np.ndarray | None]:
 
 
 def piece_lengths(
-    calibration: Calibration,
+    calibration: AnyCalibration,
     name: str,
     pieces: Sequence[LinePiece],
     laser: str | None = None,

@@ -20,7 +20,7 @@ from sheetoflight.io.segments_csv import Segments, read_segments
 from sheetoflight.measurement.comparison import KnownLength, MeasuredSegment, PermissibleError
 from sheetoflight.measurement.verification import Verification, verify_lengths
 from sheetoflight.model.calibration import Calibration
-from sheetoflight.workflow.calibrated import load_calibration
+from sheetoflight.workflow.calibrated import load_any_calibration
 from sheetoflight.workflow.measured import measure_pictures, measured_segments, pictures_named
 from sheetoflight.workflow.spread import ALONE, Execution
 
@@ -74,7 +74,7 @@ def verify(
     UntrustworthyError
         If nothing can be measured, or there is nothing to judge an error by.
     """
-    calibrated = load_calibration(calibration)
+    calibrated = load_any_calibration(calibration)
     measured = _measured(calibrated, [Path(path) for path in inputs], run, laser)
     names = [segment.name for segment in measured.segments]
     stated = _stated(known, known_std, names)
