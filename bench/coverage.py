@@ -84,22 +84,37 @@ CASES = (
     Case("camera + plane, 0.05 px", Recording(30, 10, pixel_std=0.05)),
     Case("camera + plane, 0.5 px", Recording(30, 10, pixel_std=0.5)),
     Case("… noise stated, 0.1 px", Recording(30, 10, pixel_std=0.1), stated=True),
-    Case("… l1 = 120, l2 = 180", Recording(30, 10, pixel_std=0.1), partial(seed_rig, markers=UNEVEN)),
-    Case("… k1, k2", Recording(30, 10, pixel_std=0.1), partial(seed_rig, distortion=LENS), "radial2"),
+    Case(
+        "… l1 = 120, l2 = 180", Recording(30, 10, pixel_std=0.1), partial(seed_rig, markers=UNEVEN)
+    ),
+    Case(
+        "… k1, k2", Recording(30, 10, pixel_std=0.1), partial(seed_rig, distortion=LENS), "radial2"
+    ),
     Case("… few: 8 + 5", Recording(8, 5, pixel_std=0.1)),
     Case("… 0.3 mm off the sheet", Recording(30, 10, pixel_std=0.1, placement_mm=0.3)),
-    Case("… 0.3 mm off, k1, k2", Recording(30, 10, pixel_std=0.1, placement_mm=0.3),
-         partial(seed_rig, distortion=LENS, markers=UNEVEN), "radial2"),
-    Case("… markers 0.3 mm off", Recording(30, 10, pixel_std=0.1, placement_mm=0.3, placement="markers")),
+    Case(
+        "… 0.3 mm off, k1, k2",
+        Recording(30, 10, pixel_std=0.1, placement_mm=0.3),
+        partial(seed_rig, distortion=LENS, markers=UNEVEN),
+        "radial2",
+    ),
+    Case(
+        "… markers 0.3 mm off",
+        Recording(30, 10, pixel_std=0.1, placement_mm=0.3, placement="markers"),
+    ),
     Case("camera + crossing", Recording(30, 0, 10, pixel_std=0.1)),
-    Case("… k1, k2, uneven", Recording(30, 0, 12, pixel_std=0.2),
-         partial(seed_rig, distortion=LENS, markers=UNEVEN), "radial2"),
+    Case(
+        "… k1, k2, uneven",
+        Recording(30, 0, 12, pixel_std=0.2),
+        partial(seed_rig, distortion=LENS, markers=UNEVEN),
+        "radial2",
+    ),
     Case("camera + plane + crossing", Recording(20, 6, 8, pixel_std=0.2, placement_mm=0.3)),
     Case("two lasers, plane alone", Recording(0, 12, pixel_std=0.1), partial(seed_rig, lasers=2)),
     Case("two-step", Recording(30, 10, pixel_std=0.1), method="two-step"),
     Case("random rigs", Recording(30, 10, pixel_std=0.1), random_rig),
     Case("random rigs, 0.3 px, mixed", Recording(20, 8, 4, pixel_std=0.3), random_rig),
-)  # fmt: skip
+)
 
 
 @dataclass(frozen=True)
@@ -255,4 +270,4 @@ def main(calibrations: int = CALIBRATIONS, only: str = "") -> None:
 
 
 if __name__ == "__main__":
-    main(*(int(word) for word in sys.argv[1:2]), *sys.argv[2:3])
+    main(int(sys.argv[1]) if len(sys.argv) > 1 else CALIBRATIONS, *sys.argv[2:3])

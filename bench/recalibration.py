@@ -62,9 +62,9 @@ def main() -> None:
     Console(width=100).print(
         f"30 + 10 views: {1.0 / found.calibration:.0f} calibrations a second, "
         f"{1e3 * found.calibration:.1f} ms each: {found.calibration / found.evaluation:.0f} "
-        "evaluations of residuals and derivatives "
-        f"({1e6 * found.evaluation:.0f} µs), {found.calibration / found.residuals:.0f} of residuals "
-        f"alone ({1e6 * found.residuals:.0f} µs)"
+        f"evaluations of residuals and derivatives ({1e6 * found.evaluation:.0f} µs), "
+        f"{found.calibration / found.residuals:.0f} of residuals alone "
+        f"({1e6 * found.residuals:.0f} µs)"
     )
 
 

@@ -135,7 +135,7 @@ def scipy_solution(
     """SciPy's optimum; its default tolerance is 1e-8.
 
     With its default differences (2-point) it stops where the cost is still larger than at the
-    optimum, by rounding: some 1e-6 away in the least determined parameters. Central differences
+    optimum, by rounding: some 1e-6 to 1e-5 away in the least determined parameters. Central ones
     go all the way.
     """
     return least_squares(

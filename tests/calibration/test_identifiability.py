@@ -35,6 +35,11 @@ REFUSED = (
     ("repeated position", True, "plane"),
 )
 """Name, whether the skew is estimated, and the stage that is to blame."""
+FIRST = [entry for entry in REFUSED if not entry[1] or entry[0] == "planar swings"]
+KINDS = (
+    *FIRST,
+    *(pytest.param(*e, marks=pytest.mark.accuracy) for e in REFUSED if e not in FIRST),
+)
 SEEDS = (0, *(pytest.param(seed, marks=pytest.mark.accuracy) for seed in range(1, 6)))
 
 PIXEL = re.compile(r"marker \d+ at pixel \((-?\d+), (-?\d+)\)")
@@ -71,7 +76,7 @@ def off(found: Calibration, truth: SimulatedRig) -> Array:
 # --- Refusals -------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize(("name", "skew", "stage"), REFUSED, ids=str)
+@pytest.mark.parametrize(("name", "skew", "stage"), KINDS, ids=str)
 @pytest.mark.parametrize("seed", SEEDS)
 def test_undetermined_views_are_refused_with_the_next_view_to_take(
     name: str, skew: bool, stage: str, seed: int
@@ -86,7 +91,7 @@ def test_undetermined_views_are_refused_with_the_next_view_to_take(
     assert error.exit_status == 3
 
 
-@pytest.mark.parametrize(("name", "skew", "stage"), REFUSED, ids=str)
+@pytest.mark.parametrize(("name", "skew", "stage"), KINDS, ids=str)
 @pytest.mark.parametrize("seed", SEEDS)
 def test_random_rigs_are_refused_as_well(name: str, skew: bool, stage: str, seed: int) -> None:
     rng = np.random.default_rng(seed)

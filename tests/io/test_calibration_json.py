@@ -333,7 +333,7 @@ def _second_plane(document: dict[str, Any]) -> None:
         (_set("version", to=True), "version is true, expected 1"),
         (_drop("version"), "version is missing, expected 1"),
         (_drop("camera"), "'camera' is missing"),
-        (_drop("camera", "matrix"), "camera: 'matrix' is missing"),
+        (_drop("camera", "matrix"), "camera: 'matrix' or 'distortion' is missing"),
         (_drop("target", "markers_mm"), "target: 'markers_mm' is missing"),
         (_set("method", to=7), "method is 7, expected text in quotes"),
         (_set("camera", "matrix", 0, 1, to="x"), r"camera.matrix\[0\]\[1\] is 'x', expected a num"),
@@ -349,7 +349,7 @@ def _second_plane(document: dict[str, Any]) -> None:
             _set("camera", "distortion", to=[0.1]),
             "camera.distortion is a list of 1, expected 5 ent",
         ),
-        (_set("light_planes", to=[]), "light_planes is a list of 0, expected 1 entries or more"),
+        (_set("light_planes", to=[]), "'light_planes' is missing or empty"),
         (
             _set("light_planes", 0, "normal", to=[0.6, 0.8, 0.1]),
             r"light_planes\[0\].normal has leng",

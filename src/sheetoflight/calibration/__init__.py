@@ -1,5 +1,5 @@
 """Observations in, `Calibration` out.
 
-Closed forms (`pivot_closed_form`, `target_triangulation`, `paper_plane`) and the refinement
+Closed forms (`camera_closed_form`, `target_triangulation`, `paper_plane`) and the refinement
 (`adjustment`) are peers that do not know each other; `methods` joins them.
 """

@@ -92,7 +92,7 @@ def findings(fit: Fit) -> tuple[Finding, ...]:
             best[hypothesis.cause] = (fall, hypothesis)
     found = [confirmed(fit, tested, hypothesis) for _, hypothesis in best.values()]
     told = sorted((f for f in found if f is not None), key=lambda finding: -finding.explained)
-    return (*told, *_bent_anyhow(fit, tested), *_noisy_stages(_line_scatter(fit)))
+    return (*told, *_bent_anyhow(fit, plain, tested), *_noisy_stages(_line_scatter(fit)))
 
 
 def without_placement(fit: Fit) -> Fit:
@@ -419,12 +419,12 @@ def _moved_lasers(fit: Fit, tested: _Tested) -> Iterator[_Hypothesis]:
         )
 
 
-def _bent_anyhow(fit: Fit, tested: _Tested) -> list[Finding]:
+def _bent_anyhow(fit: Fit, plain: Fit, tested: _Tested) -> list[Finding]:
     """Markers that scatter about the target's line more than along it, as those of a bent target
     that is held with another side towards the camera each time."""
     # single markers off their sheet are a noise of their own
     stages = [s for s in tested.stages if s != "plane" or not fit.noise.free[MARKER]]
-    squares, count = _together(_line_scatter(fit, stages))
+    squares, count = _together(_line_scatter(plain, stages))
     rest = sum(tested.freedom[s] for s in stages) - count
     left = sum(tested.chi2[s] for s in stages) - squares
     if count < 3 or rest < 3 or not left > 0:

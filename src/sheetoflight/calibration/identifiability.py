@@ -58,6 +58,14 @@ _IN_WORDS = {
 }
 
 
+_GENERAL_ADVICE = {
+    "camera": "swing the target about marker 0 to all sides: left, right, up, down, near and far",
+    "plane": "lay the target into the sheet in further positions, moved by its own length and "
+    "turned by 30° to 90°",
+}
+"""Where no next view can be computed from what is known."""
+
+
 @dataclass(frozen=True)
 class Weakness:
     """What is known least.
@@ -285,5 +293,5 @@ def _advice(fit: Fit, information: Array, weakness: Weakness) -> str:
     except np.linalg.LinAlgError:
         best = None
     if best is None:
-        return "take further views with the target turned into other directions"
+        return _GENERAL_ADVICE[weakness.stage]
     return f"next, {best.in_words}"

@@ -138,10 +138,12 @@ def next_view(
     importance : (P, P) array
         Positive semi-definite; the trace of its product with the covariance is to become small.
     stage : str, optional
-        The only stage to look at, if any of its candidates can be seen.
+        The only stage to look at.
     """
     every = list(all_candidates(rig, state, noise, parameters))
-    chosen = [candidates for candidates in every if candidates.stage == stage] or every
+    chosen = [c for c in every if stage is None or c.stage == stage]
+    if not chosen:
+        return None
     prior = information + np.diag(vague_information(state, parameters))
     now = float(np.sum(importance * np.linalg.inv(prior)))
     gains = []

@@ -91,11 +91,18 @@ def _screened_of_gross_errors(rig: Rig, others: tuple[str, ...], fit: Fit | None
     try:
         left = cleaned(rig, noise_model(rig), others)
     except (UntrustworthyError, np.linalg.LinAlgError):
-        return Screened(rig, fit)
+        return _faulty_or_open(rig, fit)
     clean_fit = _joint_fit(left.rig, others) if left.wrong else None
     if clean_fit is None or not roughly_determined(clean_fit):
-        return Screened(rig, fit)
+        return _faulty_or_open(rig, fit)
     return _without_what_is_wrong(left, clean_fit)
+
+
+def _faulty_or_open(rig: Rig, fit: Fit | None) -> Screened:
+    """A fault that large residuals show comes before what they leave open."""
+    if fit is not None and fit.solution.converged and suspicious(fit):
+        refuse_misleading(findings(fit))
+    return Screened(rig, fit)
 
 
 def _without_what_is_wrong(left: Cleaned, fit: Fit) -> Screened:

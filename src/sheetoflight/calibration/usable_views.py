@@ -13,7 +13,7 @@ _SAME_POINT_PX = 1e-6
 _NOISE_FLOOR_PX = 5.0
 """Where a target is seen almost end on, noise alone puts its markers out of order."""
 
-_MOST_VIEWS = 0.5
+_MOST_VIEWS = 0.7
 
 
 def refuse_unusable_views(rig: Rig) -> None:
@@ -60,7 +60,8 @@ def _refuse_misnumbered_markers(rig: Rig) -> None:
         uv = views.uv[whole, :markers]
         centre, direction = fitted_line(uv)
         along = np.sum((uv - centre[:, None]) * direction[:, None], axis=-1)
-        disordered = (np.diff(along, axis=1) < -_NOISE_FLOOR_PX).any(axis=1)
+        backward = np.diff(along, axis=1) < -_NOISE_FLOOR_PX
+        disordered = backward[:, int(np.argmax(backward.mean(axis=0)))]
         if disordered.mean() > _MOST_VIEWS:
             first = np.array(views.names)[whole][disordered][0]
             raise InputError(

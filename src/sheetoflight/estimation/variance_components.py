@@ -10,7 +10,7 @@ Fisher scoring, with θ_k ≥ 0.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -127,7 +127,7 @@ def reduced_model(groups: Sequence[Contrasts], size: int, sizes: Array) -> Reduc
     Raises
     ------
     numpy.linalg.LinAlgError
-        If a covariance is singular.
+        If a covariance is not positive definite.
     """
     return _model([_Whitened.of(group, sizes) for group in groups], size)
 
@@ -139,8 +139,8 @@ class _Whitened:
     columns: np.ndarray
     values: Array  # (N m,)
     by_shared: Array  # (N m, s)
-    variances: dict[int, Array]  # V_k, (N, m, m)
-    pulled: dict[int, Array]  # V_k X, (N m, s)
+    variances: Mapping[int, Array]  # V_k, (N, m, m)
+    pulled: Mapping[int, Array]  # V_k X, (N m, s)
 
     @classmethod
     def of(cls, group: Contrasts, sizes: Array) -> _Whitened:
@@ -238,7 +238,8 @@ def variance_components(
 
 def _pseudo_inverse(fisher: Array) -> Array:
     """Inverse on the scale of correlations; components that cannot be told apart share."""
-    scale = 1.0 / np.sqrt(np.diag(fisher))
+    diagonal = np.diag(fisher)
+    scale = np.where(diagonal > 0, 1.0, 0.0) / np.sqrt(np.where(diagonal > 0, diagonal, 1.0))
     inverse = np.linalg.pinv(fisher * scale[:, None] * scale, rcond=1e-8, hermitian=True)
     return inverse * scale[:, None] * scale
 

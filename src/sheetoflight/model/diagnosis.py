@@ -12,10 +12,10 @@ class Finding:
     Parameters
     ----------
     stage : str
-        What to look at: ``camera``, ``plane``, ``crossing``, ``target``, ``lens``.
+        What to look at: ``camera``, ``plane``, ``crossing`` or ``target``.
     cause : str
         ``bent target``, ``wrong marker distance``, ``slipped pivot``, ``unmodelled distortion``,
-        ``moved laser``, ``noisy stage``, ``noisy view``, ``wrong view``, ``wrong marker``.
+        ``moved laser``, ``noisy stage``.
     text : str
         What was found, with its size.
     remedy : str

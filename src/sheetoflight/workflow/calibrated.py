@@ -42,6 +42,24 @@ def load_any_calibration(path: str | Path) -> AnyCalibration:
     return read_any_calibration(path)
 
 
+@overload
+def calibrate_folder(  # pyright: ignore[reportOverlappingOverload] – the literal comes first
+    folder: str | Path,
+    method: Literal["camera-free"],
+    options: CalibrationOptions | None = None,
+    run: Execution = ALONE,
+) -> SheetCalibration: ...
+
+
+@overload
+def calibrate_folder(
+    folder: str | Path,
+    method: str = "joint",
+    options: CalibrationOptions | None = None,
+    run: Execution = ALONE,
+) -> Calibration: ...
+
+
 def calibrate_folder(
     folder: str | Path,
     method: str = "joint",

@@ -19,7 +19,7 @@ from sheetoflight.io.quoting import file_name, shown
 from sheetoflight.io.segments_csv import Segments, read_segments
 from sheetoflight.measurement.comparison import KnownLength, MeasuredSegment, PermissibleError
 from sheetoflight.measurement.verification import Verification, verify_lengths
-from sheetoflight.model.calibration import Calibration
+from sheetoflight.model.calibration import AnyCalibration
 from sheetoflight.workflow.calibrated import load_any_calibration
 from sheetoflight.workflow.measured import measure_pictures, measured_segments, pictures_named
 from sheetoflight.workflow.spread import ALONE, Execution
@@ -112,7 +112,7 @@ def write_verification_page(path: str | Path, verification: Verification) -> Non
 
 
 def _measured(
-    calibration: Calibration, inputs: list[Path], run: Execution, laser: str | None
+    calibration: AnyCalibration, inputs: list[Path], run: Execution, laser: str | None
 ) -> _Measured:
     tables = [path for path in inputs if path.suffix.lower() == ".csv"]
     if not tables:
@@ -138,7 +138,7 @@ def _known_in(table: Segments) -> dict[str, KnownLength]:
 
 
 def _in_pictures(
-    calibration: Calibration, inputs: list[Path], run: Execution, laser: str | None
+    calibration: AnyCalibration, inputs: list[Path], run: Execution, laser: str | None
 ) -> _Measured:
     pictures = measure_pictures(calibration, pictures_named(inputs), run, laser)
     segments = [segment for picture in pictures for segment in picture.segments]
@@ -188,7 +188,7 @@ def _refuse_strangers(
     return dict(known)
 
 
-def _of_calibration(calibration: Calibration) -> tuple[str, ...]:
+def _of_calibration(calibration: AnyCalibration) -> tuple[str, ...]:
     if calibration.covariance.parameters:
         return ()
     return (
