@@ -8,7 +8,11 @@ import numpy as np
 
 from sheetoflight.calibration.camera_alone import camera_alone, with_known_pixel_noise
 from sheetoflight.calibration.fitting import Fit, fitted
-from sheetoflight.calibration.identifiability import require_determined, require_open_sheets
+from sheetoflight.calibration.identifiability import (
+    require_determined,
+    require_open_sheets,
+    roughly_determined,
+)
 from sheetoflight.calibration.noise import PIXEL, NoiseModel
 from sheetoflight.calibration.outcome import Outcome
 from sheetoflight.calibration.rig_state import intrinsic_names, sheet_names
@@ -34,6 +38,8 @@ def two_step(rig: Rig, noise: NoiseModel, fit: Fit | None = None) -> Outcome:
     UntrustworthyError
         If the views of a step do not determine what it is to estimate.
     """
+    if fit is not None and not (fit.solution.converged and roughly_determined(fit)):
+        fit = None  # what does not fit together tells no noise
     told = None if fit is None else fit.noise
     camera, weak = camera_alone(rig, noise if told is None else _known(told))
     stages = {s: v for s, v in rig.observations.stages().items() if s != "camera"}
