@@ -14,7 +14,7 @@ from sheetoflight.calibration.noise import PIXEL, PLACEMENT, NoiseModel
 from sheetoflight.calibration.pose_reselection import reselected_directions
 from sheetoflight.calibration.rig_state import LOCAL_SIZE, RigState
 from sheetoflight.errors import UntrustworthyError
-from sheetoflight.estimation.block_least_squares import Solution, scaled_inverse, solve
+from sheetoflight.estimation.block_least_squares import Solution, SolverOptions, scaled_inverse, solve
 from sheetoflight.estimation.variance_components import (
     Contrasts,
     ReducedModel,
@@ -255,9 +255,11 @@ def _first_offsets(
     return start
 
 
-def settled(adjustment: Adjustment, state: RigState, stage: str) -> Solution[RigState]:
+def settled(
+    adjustment: Adjustment, state: RigState, stage: str, options: SolverOptions | None = None
+) -> Solution[RigState]:
     """Solve; test every pivoting view for its other pose, and solve again until none changes."""
-    solution = _solved(adjustment, state, stage)
+    solution = _solved(adjustment, state, stage, options)
     views = adjustment.stages.get("camera")
     for _ in range(_RESELECTIONS if views is not None else 0):
         assert views is not None
@@ -267,16 +269,18 @@ def settled(adjustment: Adjustment, state: RigState, stage: str) -> Solution[Rig
         )
         if not changed.any():
             break
-        again = _solved(adjustment, best.with_poses("camera", directions), stage)
+        again = _solved(adjustment, best.with_poses("camera", directions), stage, options)
         if again.cost >= solution.cost:
             break
         solution = again
     return solution
 
 
-def _solved(adjustment: Adjustment, state: RigState, stage: str) -> Solution[RigState]:
+def _solved(
+    adjustment: Adjustment, state: RigState, stage: str, options: SolverOptions | None
+) -> Solution[RigState]:
     try:
-        return solve(adjustment, state)
+        return solve(adjustment, state, options)
     except np.linalg.LinAlgError as reason:
         raise no_pose(stage) from reason
 

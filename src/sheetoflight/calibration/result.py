@@ -119,11 +119,11 @@ def _views_that_stand_out(views: tuple[ViewResiduals, ...]) -> tuple[str, ...]:
     warnings = []
     for stage in dict.fromkeys(view.stage for view in views):
         own = [view for view in views if view.stage == stage]
-        typical = float(np.median([view.rms_px for view in own]))
-        worst = max(own, key=lambda view: view.rms_px)
-        if worst.rms_px > max(_STANDS_OUT * typical, _NO_RESIDUAL_PX):
+        sizes = [view.rms_px for view in own]
+        typical, worst = float(np.median(sizes)), int(np.argmax(sizes))
+        if sizes[worst] > max(_STANDS_OUT * typical, _NO_RESIDUAL_PX):
             warnings.append(
-                f"view {worst.view} of stage {stage} has residuals of {worst.rms_px:.2g} px, the "
+                f"view {own[worst].view} of stage {stage} has residuals of {sizes[worst]:.2g} px, the "
                 f"stage's median is {typical:.2g} px – check its markers, or remove it"
             )
     return tuple(warnings)

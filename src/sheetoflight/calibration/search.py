@@ -19,6 +19,7 @@ from sheetoflight.calibration.starts import (
     plain_cameras,
 )
 from sheetoflight.errors import UntrustworthyError
+from sheetoflight.estimation.block_least_squares import SolverOptions
 from sheetoflight.geometry.lines import on_common_line
 from sheetoflight.model.camera import Camera
 from sheetoflight.model.observations import TargetViews
@@ -30,6 +31,9 @@ Completion = Callable[[Rig, Evidence, RigState], RigState]
 _CONVINCING_ODDS = 1e-4
 """A minimum is taken without trying other starts unless its residuals exceed what the targets'
 straightness in the pictures says of the noise by more than chance does with these odds."""
+
+_ROUGHLY = SolverOptions(tolerance=1e-2)
+"""For what is only where the next adjustment begins."""
 
 _SAME_MINIMUM = 1e-6
 """Relative difference of costs below which two starts have led to one minimum."""
@@ -89,7 +93,7 @@ def _best_pinhole(
         # first what follows from the camera, then all: depths that the camera's error has put
         # far off would lead astray
         try:
-            held = settled(noise.adjustment(rig, stages, others, state), state, stage)
+            held = settled(noise.adjustment(rig, stages, others, state), state, stage, _ROUGHLY)
             solution = settled(noise.adjustment(rig, stages, free, state), held.state, stage)
         except UntrustworthyError as reason:
             refusal = refusal or reason

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from sheetoflight.errors import InputError
+from sheetoflight.geometry.directions import Array
 from sheetoflight.geometry.lines import fitted_line
 from sheetoflight.model.rig import Rig
 
@@ -33,20 +34,30 @@ def refuse_unusable_views(rig: Rig) -> None:
                 f"expected {expected} for a target with {markers} markers",
                 "give markers_mm of the target that was seen",
             )
-        for name, uv, seen in zip(views.names, views.uv, views.seen, strict=True):
-            if seen.sum() < 2:
-                raise InputError(
-                    f"view {name} of stage {stage} shows {int(seen.sum())} of {markers} markers, "
-                    "at least 2 are needed",
-                    "remove the view, or detect its markers again",
-                )
-            gaps = np.linalg.norm(np.diff(uv[seen], axis=0), axis=1)
-            if gaps.min() < _SAME_POINT_PX:
-                raise InputError(
-                    f"view {name} of stage {stage}: two markers have the same image point",
-                    "detect its markers again, or remove the view",
-                )
+        shown = views.seen.sum(axis=1)
+        if (shown < 2).any():
+            view = int(np.argmax(shown < 2))
+            raise InputError(
+                f"view {views.names[view]} of stage {stage} shows {shown[view]} of {markers} "
+                "markers, at least 2 are needed",
+                "remove the view, or detect its markers again",
+            )
+        same = _same_points(views.uv, views.seen)
+        if same.any():
+            raise InputError(
+                f"view {views.names[int(np.argmax(same))]} of stage {stage}: two markers have the "
+                "same image point",
+                "detect its markers again, or remove the view",
+            )
     _refuse_misnumbered_markers(rig)
+
+
+def _same_points(uv: Array, seen: np.ndarray) -> np.ndarray:
+    """Which views ``(N,)`` show two neighbouring points, of those seen, in one place."""
+    order = np.argsort(~seen, axis=1, kind="stable")  # those seen first
+    packed = np.take_along_axis(np.where(seen[..., None], uv, np.nan), order[..., None], axis=1)
+    gaps = np.linalg.norm(np.diff(packed, axis=1), axis=2)
+    return (gaps < _SAME_POINT_PX).any(axis=1)
 
 
 def _refuse_misnumbered_markers(rig: Rig) -> None:
