@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+from sheetoflight.calibration.estimation_task import EstimationTask
 from sheetoflight.calibration.fitting import Fit
 from sheetoflight.calibration.identifiability import require_determined
 from sheetoflight.calibration.noise import PIXEL, NoiseModel
@@ -25,8 +26,8 @@ def camera_alone(rig: Rig, noise: NoiseModel) -> tuple[Fit, tuple[str, ...]]:
     views = rig.observations.camera
     _refuse_few_camera_views(views, 6 if rig.skew else 5)
     alone = replace(rig, observations=Observations(camera=views))
-    stages = {"camera": views}
-    fit = best_fit(alone, noise, stages, ANCHOR, lambda _, __, state: state, "camera")
+    task = EstimationTask(alone, noise, {"camera": views}, ANCHOR, "camera")
+    fit = best_fit(task, lambda _, __, state: state)
     return fit, require_determined(fit, "camera")
 
 

@@ -14,7 +14,12 @@ from sheetoflight.calibration.noise import PIXEL, PLACEMENT, NoiseModel
 from sheetoflight.calibration.pose_reselection import reselected_directions
 from sheetoflight.calibration.rig_state import LOCAL_SIZE, RigState
 from sheetoflight.errors import UntrustworthyError
-from sheetoflight.estimation.block_least_squares import Solution, SolverOptions, scaled_inverse, solve
+from sheetoflight.estimation.block_least_squares import (
+    Solution,
+    SolverOptions,
+    scaled_inverse,
+    solve,
+)
 from sheetoflight.estimation.variance_components import (
     Contrasts,
     ReducedModel,
@@ -282,14 +287,21 @@ def _solved(
     try:
         return solve(adjustment, state, options)
     except np.linalg.LinAlgError as reason:
-        raise no_pose(stage) from reason
+        raise _no_pose(adjustment, state, stage) from reason
 
 
-def no_pose(stage: str) -> UntrustworthyError:
-    """The refusal of views whose own parameters are open."""
+def _no_pose(adjustment: Adjustment, state: RigState, stage: str) -> UntrustworthyError:
+    """The refusal of a view whose own parameters are open."""
+    who = "a view"
+    for name, block in zip(adjustment.stages, adjustment.blocks(state), strict=True):
+        singular = np.linalg.matrix_rank(block.by_local) < block.by_local.shape[2]
+        if singular.any():
+            stage = name
+            who = f"view {adjustment.stages[name].names[int(np.argmax(singular))]}"
+            break
     return UntrustworthyError(
         stage,
-        "a view does not determine its own pose",
+        f"{who} does not determine its own pose",
         "remove views with fewer than two markers, or with markers that coincide",
     )
 

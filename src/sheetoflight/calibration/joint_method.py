@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+from sheetoflight.calibration.estimation_task import EstimationTask
 from sheetoflight.calibration.fitting import Fit
 from sheetoflight.calibration.identifiability import require_determined, require_open_sheets
 from sheetoflight.calibration.noise import NoiseModel
 from sheetoflight.calibration.outcome import Outcome
-from sheetoflight.calibration.rig_state import ANCHOR, intrinsic_names, sheet_names
+from sheetoflight.calibration.rig_state import intrinsic_names, sheet_names
 from sheetoflight.calibration.search import best_fit
 from sheetoflight.calibration.starts import with_sheets
 from sheetoflight.calibration.uncertainty import influence
@@ -28,11 +29,8 @@ def joint(rig: Rig, noise: NoiseModel, fit: Fit | None = None) -> Outcome:
     UntrustworthyError
         If they do not determine what is to be estimated.
     """
-    stages = rig.observations.stages()
-    anchor = ANCHOR if "camera" in stages else ()
-    sheets = sheet_names(len(rig.lasers))
-    fit = fit or best_fit(rig, noise, stages, (*anchor, *sheets), with_sheets, "joint")
+    fit = fit or best_fit(EstimationTask.of_everything(rig, noise), with_sheets)
     weak = require_determined(fit, "joint")
     require_open_sheets(fit)
-    names = (*intrinsic_names(rig.free_intrinsics), *sheets)
+    names = (*intrinsic_names(rig.free_intrinsics), *sheet_names(len(rig.lasers)))
     return Outcome(fit.state, influence(fit, names, "joint"), (fit,), fit, weak)

@@ -123,7 +123,7 @@ def _views_that_stand_out(views: tuple[ViewResiduals, ...]) -> tuple[str, ...]:
         typical, worst = float(np.median(sizes)), int(np.argmax(sizes))
         if sizes[worst] > max(_STANDS_OUT * typical, _NO_RESIDUAL_PX):
             warnings.append(
-                f"view {own[worst].view} of stage {stage} has residuals of {sizes[worst]:.2g} px, the "
-                f"stage's median is {typical:.2g} px – check its markers, or remove it"
+                f"view {own[worst].view} of stage {stage} has residuals of {sizes[worst]:.2g} px, "
+                f"the stage's median is {typical:.2g} px – check its markers, or remove it"
             )
     return tuple(warnings)

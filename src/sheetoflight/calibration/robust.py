@@ -17,9 +17,9 @@ from itertools import chain, combinations, islice
 import numpy as np
 
 from sheetoflight.calibration.adjustment import Adjustment
-from sheetoflight.calibration.noise import NoiseModel
+from sheetoflight.calibration.estimation_task import EstimationTask
 from sheetoflight.calibration.pose_reselection import reselected_directions
-from sheetoflight.calibration.rig_state import RigState, intrinsic_names
+from sheetoflight.calibration.rig_state import RigState
 from sheetoflight.calibration.sheet_map_closed_form import sheet_map
 from sheetoflight.calibration.starts import (
     Evidence,
@@ -72,61 +72,42 @@ class RobustFit:
     stage_scales_px: Mapping[str, float]
 
 
-def robust_fit(
-    rig: Rig, noise: NoiseModel, stages: Mapping[str, TargetViews], others: tuple[str, ...]
-) -> RobustFit:
+def robust_fit(task: EstimationTask) -> RobustFit:
     """Camera, sheets and poses from views of which some are wrong.
-
-    Parameters
-    ----------
-    rig : Rig
-    noise : NoiseModel
-    stages : mapping from stage to TargetViews
-    others : tuple of str
-        Shared parameters beside the camera's.
 
     Raises
     ------
     UntrustworthyError
         If no start leads anywhere.
     """
-    found = _robust_evidence(rig)
+    rig, found = task.rig, _robust_evidence(task.rig)
     starts, refusal = [], None
     for camera in chain(cameras(rig, found), plain_cameras(rig)):
         try:
-            state = _robust_state(rig, found, pivoting_state(rig, found, camera), stages)
+            state = _robust_state(rig, found, pivoting_state(rig, found, camera), task.stages)
         except UntrustworthyError as reason:
             refusal = refusal or reason
             continue
-        starts.append((_median_error(state, rig, stages), len(starts), state))
+        starts.append((_median_error(state, rig, task.stages), len(starts), state))
     fits = []
     for _, _, state in sorted(starts)[:_STARTS]:
         with suppress(np.linalg.LinAlgError):
-            fits.append(_reweighted(rig, noise, stages, others, state))
+            fits.append(_reweighted(task, state))
     if not fits:
         raise refusal or UntrustworthyError("joint", "nothing fits the views", "detect them again")
     return min(fits, key=lambda fit: fit.scale_px)
 
 
-def _reweighted(
-    rig: Rig,
-    noise: NoiseModel,
-    stages: Mapping[str, TargetViews],
-    others: tuple[str, ...],
-    state: RigState,
-) -> RobustFit:
+def _reweighted(task: EstimationTask, state: RigState) -> RobustFit:
     """Adjust and weigh in turn, with ever less patience for large errors."""
+    rig, stages = task.rig, task.stages
     scale = _GROSS * float(np.hypot(*rig.image_size))
-    pinhole = [name for name in rig.free_intrinsics if name in ("alpha", "beta", "gamma", "u0",
-               "v0")]  # fmt: skip
-    plain = (*intrinsic_names(pinhole), *others)
-    whole = (*intrinsic_names(rig.free_intrinsics), *others)
-    state = _weighted_step(rig, noise, stages, others, state, scale)
+    state = _weighted_step(task, task.others, state, scale)
     rounds, settled_rounds = 0, 0
     while settled_rounds < 3 and rounds < 40:
         rounds += 1
-        free = whole if settled_rounds else plain
-        state = _weighted_step(rig, noise, stages, free, state, scale)
+        free = task.free if settled_rounds else task.without_distortion
+        state = _weighted_step(task, free, state, scale)
         median = _median_error(state, rig, stages)
         floor = _NOISE_SCALES * median
         settled_rounds += scale <= floor
@@ -138,16 +119,12 @@ def _reweighted(
 
 
 def _weighted_step(
-    rig: Rig,
-    noise: NoiseModel,
-    stages: Mapping[str, TargetViews],
-    free: tuple[str, ...],
-    state: RigState,
-    scale: float,
+    task: EstimationTask, free: tuple[str, ...], state: RigState, scale: float
 ) -> RigState:
+    rig, stages = task.rig, task.stages
     errors = _errors(state, rig, stages)
     std = {
-        stage: noise.std(stage) / np.sqrt(np.maximum(_weight(errors[stage], scale), 1e-8))
+        stage: task.noise.std(stage) / np.sqrt(np.maximum(_weight(errors[stage], scale), 1e-8))
         for stage in stages
     }
     adjustment = Adjustment(rig.target.positions, stages, std, free)

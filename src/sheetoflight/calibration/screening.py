@@ -13,11 +13,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from sheetoflight.calibration.diagnosis import findings, suspicious
+from sheetoflight.calibration.estimation_task import EstimationTask
 from sheetoflight.calibration.fitting import Fit
 from sheetoflight.calibration.identifiability import roughly_determined
 from sheetoflight.calibration.noise import chi2_limit, noise_model
 from sheetoflight.calibration.outliers import Cleaned, cleaned, looks_wrong
-from sheetoflight.calibration.rig_state import ANCHOR, sheet_names
 from sheetoflight.calibration.search import best_fit
 from sheetoflight.calibration.starts import with_sheets
 from sheetoflight.errors import UntrustworthyError
@@ -65,10 +65,9 @@ def screened(rig: Rig) -> Screened:
         If a fault runs through all views that would make the result misleading, or so much is
         wrong that what is right cannot be told.
     """
-    others = _others(rig)
-    fit = _joint_fit(rig, others)
+    fit = _joint_fit(rig)
     if fit is None or not (fit.solution.converged and roughly_determined(fit)):
-        return _screened_of_gross_errors(rig, others, fit)
+        return _screened_of_gross_errors(rig, fit)
     wrong = looks_wrong(fit)
     if not wrong and not (_too_noisy(fit) or suspicious(fit)):
         return Screened(rig, fit)
@@ -76,23 +75,23 @@ def screened(rig: Rig) -> Screened:
     if not wrong:
         return _with_findings(Screened(rig, fit, (), told))
     try:
-        left = cleaned(rig, noise_model(rig), others)
+        left = cleaned(_everything(rig))
     except UntrustworthyError:
         refuse_misleading(told)
         raise
-    clean_fit = _joint_fit(left.rig, others) if left.wrong else None
+    clean_fit = _joint_fit(left.rig) if left.wrong else None
     if clean_fit is None or (told and _simpler(fit, told[0], clean_fit, left)):
         return _with_findings(Screened(rig, fit, (), told))
     return _without_what_is_wrong(left, clean_fit)
 
 
-def _screened_of_gross_errors(rig: Rig, others: tuple[str, ...], fit: Fit | None) -> Screened:
+def _screened_of_gross_errors(rig: Rig, fit: Fit | None) -> Screened:
     """Where nothing fits: perhaps because of wrong detections. If not, the method will tell."""
     try:
-        left = cleaned(rig, noise_model(rig), others)
+        left = cleaned(_everything(rig))
     except (UntrustworthyError, np.linalg.LinAlgError):
         return _faulty_or_open(rig, fit)
-    clean_fit = _joint_fit(left.rig, others) if left.wrong else None
+    clean_fit = _joint_fit(left.rig) if left.wrong else None
     if clean_fit is None or not roughly_determined(clean_fit):
         return _faulty_or_open(rig, fit)
     return _without_what_is_wrong(left, clean_fit)
@@ -117,15 +116,13 @@ def _with_findings(found: Screened) -> Screened:
     return found
 
 
-def _others(rig: Rig) -> tuple[str, ...]:
-    anchor = ANCHOR if len(rig.observations.camera) else ()
-    return (*anchor, *sheet_names(len(rig.lasers)))
+def _everything(rig: Rig) -> EstimationTask:
+    return EstimationTask.of_everything(rig, noise_model(rig))
 
 
-def _joint_fit(rig: Rig, others: tuple[str, ...]) -> Fit | None:
+def _joint_fit(rig: Rig) -> Fit | None:
     try:
-        stages = rig.observations.stages()
-        return best_fit(rig, noise_model(rig), stages, others, with_sheets, "joint")
+        return best_fit(_everything(rig), with_sheets)
     except UntrustworthyError:
         return None
 
