@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import math
 from pathlib import Path
-from typing import Annotated
 
-from cyclopts import Parameter
 from rich.markup import escape
 
 from sheetoflight.cli.telling import (
     AsJson,
+    Inputs,
+    Output,
     on_all_cores,
     plain_table,
     refuse_to_overwrite,
@@ -34,10 +34,10 @@ from sheetoflight.workflow.measured import (
 
 def measure(
     calibration: Path,
-    inputs: Annotated[list[Path], Parameter(name="INPUTS")],
+    inputs: Inputs,
     /,
     *,
-    output: Annotated[Path | None, Parameter(name=("--output", "-o"))] = None,
+    output: Output = None,
     laser: str | None = None,
     json: AsJson = False,
 ) -> None:

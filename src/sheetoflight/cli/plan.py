@@ -14,6 +14,7 @@ from rich.table import Table
 from sheetoflight.calibration.plan import ViewCounts
 from sheetoflight.cli.telling import (
     AsJson,
+    Output,
     on_all_cores,
     plain_table,
     refuse_to_overwrite,
@@ -54,7 +55,7 @@ def plan(
     wanted_mm: float | None = None,
     best: Annotated[bool, Parameter(negative=())] = False,
     seed: int = _DEFAULT.seed,
-    output: Annotated[Path | None, Parameter(name=("--output", "-o"))] = None,
+    output: Output = None,
     page: Path | None = None,
     json: AsJson = False,
 ) -> None:

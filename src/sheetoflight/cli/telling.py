@@ -20,6 +20,12 @@ from sheetoflight.workflow.spread import Execution, cores
 AsJson = Annotated[bool, Parameter(name="--json", negative=())]
 """The flag of commands whose result programs read."""
 
+Output = Annotated[Path | None, Parameter(name=("--output", "-o"))]
+"""The file that a command writes."""
+
+Inputs = Annotated[list[Path], Parameter(name="INPUTS")]
+"""The files that a command reads."""
+
 _PLAIN_WIDTH = 100
 _RIG_FILES = frozenset(("rig.toml", "points.csv", "truth.json"))
 

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
 
-from cyclopts import Parameter
 from rich.markup import escape
 from rich.table import Table
 
 from sheetoflight.cli.telling import (
     AsJson,
+    Inputs,
+    Output,
     on_all_cores,
     plain_table,
     refuse_to_overwrite,
@@ -38,7 +38,7 @@ _DECISIONS: dict[Decision, str] = {
 
 def verify(
     calibration: Path,
-    inputs: Annotated[list[Path], Parameter(name="INPUTS")],
+    inputs: Inputs,
     /,
     *,
     known: str | None = None,
@@ -46,7 +46,7 @@ def verify(
     mpe_mm: float | None = None,
     mpe_per_m: float | None = None,
     laser: str | None = None,
-    output: Annotated[Path | None, Parameter(name=("--output", "-o"))] = None,
+    output: Output = None,
     page: Path | None = None,
     json: AsJson = False,
 ) -> None:

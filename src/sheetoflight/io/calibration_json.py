@@ -168,48 +168,37 @@ def _check_format(document: dict[str, Any]) -> None:
 
 def _sheet_calibration(content: CalibrationDocument) -> SheetCalibration:
     width, height = content.camera.image_size
-    residuals = content.residuals
     maps = tuple(
         SheetMap((width, height), *part.parameters, name=part.name) for part in content.sheet_maps
     )
-    return SheetCalibration(
-        method=content.method,
-        sheet_maps=maps,
-        covariance=covariance_from(content.covariance),
-        residuals=Residuals(
-            residuals.rms_px,
-            residuals.chi2_per_dof,
-            tuple(_view(view, f"residuals.views[{i}]") for i, view in enumerate(residuals.views)),
-        ),
-        target=_target(content.target) if content.target else None,
-        pixel_std=residuals.rms_px if content.pixel_std is None else content.pixel_std,
-        warnings=tuple(content.warnings),
-        findings=tuple(Finding(**part.model_dump()) for part in content.findings),
-        provenance=content.provenance,
-    )
+    return SheetCalibration(sheet_maps=maps, **_common(content))
 
 
 def _calibration(content: CalibrationDocument) -> Calibration:
     if not content.light_planes:
         raise InputError("'light_planes' is missing or empty", "calibrate again")
-    residuals = content.residuals
     return Calibration(
-        method=content.method,
         camera=_camera(content.camera),
         light_planes=_light_planes(content.light_planes),
-        covariance=covariance_from(content.covariance),
-        residuals=Residuals(
-            residuals.rms_px,
-            residuals.chi2_per_dof,
-            tuple(_view(view, f"residuals.views[{i}]") for i, view in enumerate(residuals.views)),
-        ),
-        target=_target(content.target) if content.target else None,
-        pixel_std=residuals.rms_px if content.pixel_std is None else content.pixel_std,
-        warnings=tuple(content.warnings),
-        findings=tuple(Finding(**part.model_dump()) for part in content.findings),
-        provenance=content.provenance,
         monte_carlo=monte_carlo_from(content.monte_carlo) if content.monte_carlo else None,
+        **_common(content),
     )
+
+
+def _common(content: CalibrationDocument) -> dict[str, Any]:
+    """What every calibration holds beside its sheets."""
+    residuals = content.residuals
+    views = tuple(_view(view, f"residuals.views[{i}]") for i, view in enumerate(residuals.views))
+    return {
+        "method": content.method,
+        "covariance": covariance_from(content.covariance),
+        "residuals": Residuals(residuals.rms_px, residuals.chi2_per_dof, views),
+        "target": _target(content.target) if content.target else None,
+        "pixel_std": residuals.rms_px if content.pixel_std is None else content.pixel_std,
+        "warnings": tuple(content.warnings),
+        "findings": tuple(Finding(**part.model_dump()) for part in content.findings),
+        "provenance": content.provenance,
+    }
 
 
 def _camera(part: CameraPart) -> Camera:

@@ -61,8 +61,44 @@ class Residuals:
     views: tuple[ViewResiduals, ...] = ()
 
 
+@dataclass(frozen=True, eq=False, kw_only=True)
 class _Measuring:
-    """What can be done with either kind of calibration."""
+    """What either kind of calibration holds beside its sheets, and what can be done with it."""
+
+    method: str
+    covariance: Covariance
+    residuals: Residuals
+    target: CollinearTarget | None
+    pixel_std: float
+    warnings: tuple[str, ...] = ()
+    findings: tuple[Finding, ...] = ()
+    provenance: Mapping[str, Any] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        if not self.lasers:
+            raise InputError("the calibration has no sheet of light", "give at least one")
+        if not (np.isfinite(self.pixel_std) and self.pixel_std >= 0):
+            raise InputError(f"pixel_std is {self.pixel_std} px", "give a value of 0 or more")
+
+    @property
+    def lasers(self) -> tuple[str, ...]:
+        """Names of the sheets of light."""
+        raise NotImplementedError
+
+    def _number(self, laser: str | None) -> int:
+        """The place of a laser's sheet.
+
+        Raises
+        ------
+        InputError
+            If there is no laser of that name, or several and none is named.
+        """
+        names = " | ".join(self.lasers)
+        if laser is None and len(self.lasers) > 1:
+            raise InputError(f"the calibration has the lasers {names}", "say which one is meant")
+        if laser is not None and laser not in self.lasers:
+            raise InputError(f"the calibration has no laser '{laser}'", f"choose {names}")
+        return 0 if laser is None else self.lasers.index(laser)
 
     # The three methods below are the public face of higher floors; the import contract
     # names these imports one by one (docs/decisions/0002-methods-on-calibration.md).
@@ -94,7 +130,7 @@ class _Measuring:
         write_calibration(path, cast("AnyCalibration", self))
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class Calibration(_Measuring):
     """A calibrated sensor.
 
@@ -120,23 +156,9 @@ class Calibration(_Measuring):
         What re-simulated calibrations say of the covariance, where that was asked for.
     """
 
-    method: str
     camera: Camera
     light_planes: tuple[LightPlane, ...]
-    covariance: Covariance
-    residuals: Residuals
-    target: CollinearTarget | None
-    pixel_std: float
-    warnings: tuple[str, ...] = ()
-    findings: tuple[Finding, ...] = ()
-    provenance: Mapping[str, Any] = field(default_factory=dict)
     monte_carlo: MonteCarlo | None = None
-
-    def __post_init__(self) -> None:
-        if not self.light_planes:
-            raise InputError("the calibration has no light plane", "give at least one")
-        if not (np.isfinite(self.pixel_std) and self.pixel_std >= 0):
-            raise InputError(f"pixel_std is {self.pixel_std} px", "give a value of 0 or more")
 
     @property
     def light_plane(self) -> LightPlane:
@@ -156,7 +178,7 @@ class Calibration(_Measuring):
         InputError
             If there is no laser of that name, or several and none is named.
         """
-        return self.light_planes[_chosen(list(self.lasers), laser)]
+        return self.light_planes[self._number(laser)]
 
     @property
     def image_size(self) -> tuple[int, int]:
@@ -169,7 +191,7 @@ class Calibration(_Measuring):
         return tuple(plane.name for plane in self.light_planes)
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class SheetCalibration(_Measuring):
     """Sheets of light that can be measured in, the camera being unknown (method camera-free).
 
@@ -185,21 +207,7 @@ class SheetCalibration(_Measuring):
         As of `Calibration`; the residuals' ``xyz`` are in the frame of the view's sheet.
     """
 
-    method: str
     sheet_maps: tuple[SheetMap, ...]
-    covariance: Covariance
-    residuals: Residuals
-    target: CollinearTarget | None
-    pixel_std: float
-    warnings: tuple[str, ...] = ()
-    findings: tuple[Finding, ...] = ()
-    provenance: Mapping[str, Any] = field(default_factory=dict)
-
-    def __post_init__(self) -> None:
-        if not self.sheet_maps:
-            raise InputError("the calibration has no sheet map", "give at least one")
-        if not (np.isfinite(self.pixel_std) and self.pixel_std >= 0):
-            raise InputError(f"pixel_std is {self.pixel_std} px", "give a value of 0 or more")
 
     def sheet(self, laser: str | None = None) -> SheetMap:
         """The sheet of light of a laser; its name may be left out where there is one.
@@ -209,7 +217,7 @@ class SheetCalibration(_Measuring):
         InputError
             If there is no laser of that name, or several and none is named.
         """
-        return self.sheet_maps[_chosen(list(self.lasers), laser)]
+        return self.sheet_maps[self._number(laser)]
 
     @property
     def image_size(self) -> tuple[int, int]:
@@ -224,13 +232,3 @@ class SheetCalibration(_Measuring):
 
 AnyCalibration = Calibration | SheetCalibration
 """What can be measured with."""
-
-
-def _chosen(names: list[str], laser: str | None) -> int:
-    if laser is None and len(names) > 1:
-        raise InputError(
-            f"the calibration has the lasers {', '.join(names)}", "say which one is meant"
-        )
-    if laser is not None and laser not in names:
-        raise InputError(f"the calibration has no laser '{laser}'", f"choose {' | '.join(names)}")
-    return 0 if laser is None else names.index(laser)
