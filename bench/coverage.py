@@ -9,8 +9,8 @@ truth. For each case, over all calibrations:
   quantiles turned into normal ones,
 - ``rms/bound``: root mean square error over the Cramér–Rao bound, which is the covariance for the
   true sizes of the noise, with its own standard error,
-- ``refused``, ``left out``: calibrations that were refused, and those in which a right point was
-  taken for wrong.
+- ``refused``, ``left out``: calibrations that were refused – or of which the bound was, the true
+  sizes of the noise being given – and those in which a right point was taken for wrong.
 
 Run with ``python -m bench.coverage [CALIBRATIONS]``.
 """
@@ -162,6 +162,7 @@ def trial(case: Case, seed: int, number: int) -> Trial:
     )
     try:
         calibration = sol.calibrate(rig, case.method)
+        bounding = _bounding(case, rig)
     except SheetOfLightError as refusal:
         return Trial(refused=str(refusal))
     true = np.array(SHARES) * truth.target.length_mm
@@ -169,7 +170,7 @@ def trial(case: Case, seed: int, number: int) -> Trial:
     uv = truth.camera.project(ends)
     noisy = uv + rng.normal(scale=case.recording.pixel_std, size=uv.shape)
     found = lengths(calibration, uv, np.full(len(uv), 1e-9), laser=lasers[0])
-    bound = lengths(_bounding(case, rig), uv, np.full(len(uv), 1e-9), laser=lasers[0])
+    bound = lengths(bounding, uv, np.full(len(uv), 1e-9), laser=lasers[0])
     with_noise = _measured_in_picture(calibration, noisy, lasers[0])
     hits = tuple(
         low <= length <= high

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 from sheetoflight.calibration.estimation_task import EstimationTask
 from sheetoflight.calibration.fitting import Fit
-from sheetoflight.calibration.identifiability import require_determined
+from sheetoflight.calibration.identifiability import determined
 from sheetoflight.calibration.noise import PIXEL, NoiseModel
 from sheetoflight.calibration.rig_state import ANCHOR
 from sheetoflight.calibration.search import best_fit
@@ -28,7 +28,7 @@ def camera_alone(rig: Rig, noise: NoiseModel) -> tuple[Fit, tuple[str, ...]]:
     alone = replace(rig, observations=Observations(camera=views))
     task = EstimationTask(alone, noise, {"camera": views}, ANCHOR, "camera")
     fit = best_fit(task, lambda _, __, state: state)
-    return fit, require_determined(fit, "camera")
+    return determined(fit, "camera")
 
 
 def with_known_pixel_noise(camera: Fit) -> NoiseModel:

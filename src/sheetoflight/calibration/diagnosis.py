@@ -28,7 +28,7 @@ from sheetoflight.estimation.block_least_squares import scaled_inverse
 from sheetoflight.estimation.variance_components import reduced_model, variance_components
 from sheetoflight.model.diagnosis import Finding
 
-_SIGNIFICANT = 1e-5
+_SIGNIFICANT = 1e-4
 """Odds of chance, all trials counted, below which a fault is told."""
 
 _ODD_TAIL = 0.025
@@ -96,7 +96,7 @@ def confirmed(fit: Fit, tested: ScoredFit, hypothesis: Hypothesis) -> Finding | 
     estimate = -covariance @ model.gradient
     amount, own = estimate[size:], covariance[size:, size:]
     spread = own + np.diag(np.full(count, hypothesis.tolerance**2))
-    placed_off = bool(sizes[PLACEMENT:].any())
+    placed_off = bool(sizes[PLACEMENT:].any() or fit.noise.variances[PLACEMENT:].any())
     rest = _freedom(tested, hypothesis, count, placed_off)
     if rest < 1:
         return None
@@ -125,7 +125,8 @@ def confirmed(fit: Fit, tested: ScoredFit, hypothesis: Hypothesis) -> Finding | 
 def _freedom(tested: ScoredFit, hypothesis: Hypothesis, count: int, placed_off: bool) -> float:
     """Degrees of freedom of the scatter that the hypothesis is judged by."""
     if placed_off and tuple(hypothesis.columns) == ("plane",):
-        # a target's ends lie off its sheet together: each view is one independent witness
+        # offsets from the sheet explain the residuals too, and a target's ends lie off it
+        # together: each view is one independent witness
         views = len(tested.groups[tested.stages.index("plane")].values)
         return float(views - count)
     return sum(tested.freedom[stage] for stage in hypothesis.columns) - count

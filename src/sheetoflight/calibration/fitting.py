@@ -11,7 +11,7 @@ from scipy.special import chdtrc, fdtrc
 
 from sheetoflight.calibration.adjustment import Adjustment
 from sheetoflight.calibration.noise import PIXEL, PLACEMENT, NoiseModel
-from sheetoflight.calibration.pose_reselection import reselected_directions
+from sheetoflight.calibration.pose_reselection import reselected
 from sheetoflight.calibration.rig_state import LOCAL_SIZE, RigState
 from sheetoflight.errors import UntrustworthyError
 from sheetoflight.estimation.block_least_squares import (
@@ -209,19 +209,24 @@ def _with_components(
 def _asked_for(
     noise: NoiseModel, adjustment: Adjustment, state: RigState, variances: Array, free: np.ndarray
 ) -> np.ndarray:
-    """Components to estimate: offsets from the sheet only where the residuals show them.
+    """Components to estimate: each kind of offset from the sheet only where the residuals show it,
+    the second beside the first.
 
     A variance that can only be positive would else, where there is none, be found too large.
     """
-    groups = noise.contrasts(adjustment, state, {})
+    groups, size = noise.contrasts(adjustment, state, {}), adjustment.shared_size
+    asked = np.arange(len(free)) == PIXEL
     try:
-        strength = excess(groups, adjustment.shared_size, variances, free)
+        strength = np.where(free & ~asked, excess(groups, size, variances, free), -np.inf)
+        first = int(np.argmax(strength))
+        if strength[first] <= _SHOWN and not _scatters_more(adjustment, groups, variances, free):
+            return asked
+        asked[first] = True
+        start = _first_offsets(noise, adjustment, state, variances, free & asked)
+        sizes = variance_components(groups, size, start, free & asked).sizes
+        return asked | (excess(groups, size, sizes, free & asked) > _SHOWN)
     except np.linalg.LinAlgError:
-        return np.arange(len(free)) == PIXEL
-    shown = (strength[PLACEMENT:] > _SHOWN).any()
-    if shown or _scatters_more(adjustment, groups, variances, free):
-        return np.ones_like(free)
-    return np.arange(len(free)) == PIXEL
+        return asked
 
 
 def _scatters_more(
@@ -263,18 +268,13 @@ def _first_offsets(
 def settled(
     adjustment: Adjustment, state: RigState, stage: str, options: SolverOptions | None = None
 ) -> Solution[RigState]:
-    """Solve; test every pivoting view for its other pose, and solve again until none changes."""
+    """Solve; test views for another pose, and solve again until none changes."""
     solution = _solved(adjustment, state, stage, options)
-    views = adjustment.stages.get("camera")
-    for _ in range(_RESELECTIONS if views is not None else 0):
-        assert views is not None
-        best = solution.state
-        directions, changed = reselected_directions(
-            best.camera, best.anchor, best.poses["camera"], views, adjustment.positions
-        )
-        if not changed.any():
+    for _ in range(_RESELECTIONS):
+        state, changed = reselected(solution.state, adjustment.stages, adjustment.positions)
+        if not changed:
             break
-        again = _solved(adjustment, best.with_poses("camera", directions), stage, options)
+        again = _solved(adjustment, state, stage, options)
         if again.cost >= solution.cost:
             break
         solution = again

@@ -9,8 +9,8 @@ All evidence is judged together, at the solution, by the information matrix and 
 - Noise alone can make a degenerate set of views look determined: at the solution, the estimated
   poses are not quite degenerate. Such a valley shows when it is followed: with the weakest
   quantity held five standard uncertainties away and everything else adjusted again, chi-squared
-  must have risen beyond what chance allows once in a thousand times; in a healthy set it has
-  risen by 25.
+  must have risen beyond what chance allows once in 200 times; in a healthy set it has risen by
+  25. Where it has fallen, that way lies a better minimum, which is then taken.
 """
 
 from __future__ import annotations
@@ -21,11 +21,12 @@ import numpy as np
 from scipy.special import chdtri
 
 from sheetoflight.calibration.adjustment import Adjustment
-from sheetoflight.calibration.fitting import Fit, settled
+from sheetoflight.calibration.fitting import Fit, fitted, settled
 from sheetoflight.calibration.next_view import next_view, size_of
 from sheetoflight.calibration.noise import PIXEL
 from sheetoflight.calibration.rig_state import ANCHOR, RigState
 from sheetoflight.errors import UntrustworthyError
+from sheetoflight.estimation.block_least_squares import Solution
 from sheetoflight.geometry.directions import Array
 
 LINEAR_LIMIT = 0.1
@@ -41,7 +42,11 @@ _BEYOND_DOUBT = 0.002
 information comes from the noise itself, and gives some hundredths whatever the noise."""
 
 _FOLLOWED = 5.0
-_CHANCE = 1e-3
+_CHANCE = 5e-3
+_BETTER = 0.1
+"""Fall of chi-squared beside a minimum that shows it is not the least."""
+
+_MINIMA = 3
 
 _TAKES_PART = 0.1
 """Component of a unit vector above which a parameter has a part in what is undetermined."""
@@ -87,14 +92,44 @@ class Weakness:
     relative_std: float
 
 
-def require_determined(fit: Fit, stage: str) -> tuple[str, ...]:
+def determined(fit: Fit, stage: str) -> tuple[Fit, tuple[str, ...]]:
     """Refuse a fit whose views do not determine it; warn where they do so weakly.
+
+    Returns
+    -------
+    fit : Fit
+        The same, or that of a better minimum, where one was met.
+    warnings : tuple of str
 
     Raises
     ------
     UntrustworthyError
         Naming the stage, what is undetermined, and which picture to take next.
     """
+    weaknesses: list[Weakness] = []
+    for _ in range(_MINIMA):
+        weaknesses = _require_little_spread(fit)
+        lower = _lower_beside(fit, weaknesses, stage)
+        if lower is None:
+            return fit, _warnings(fit, weaknesses)
+        stages, parameters = fit.adjustment.stages, fit.adjustment.parameters
+        fit = fitted(fit.rig, stages, parameters, lower, fit.noise, stage)
+    weakest = max(weaknesses, key=lambda w: w.relative_std)
+    text = f"hardly determine {{what}}: there are {_MINIMA} minima, each beside a lower one"
+    raise _refusal(fit, fit.information, weakest, text)
+
+
+def _warnings(fit: Fit, weaknesses: list[Weakness]) -> tuple[str, ...]:
+    return tuple(
+        f"stage {w.stage}: {w.in_words} is known to {w.relative_std:.1%} only – "
+        f"{_advice(fit, fit.information, w)}"
+        for w in weaknesses
+        if w.relative_std > WEAK
+    )
+
+
+def _require_little_spread(fit: Fit) -> list[Weakness]:
+    """What is known least in each stage, none of it beyond the linear."""
     information = fit.information
     try:
         covariance = fit.covariance
@@ -113,15 +148,7 @@ def require_determined(fit: Fit, stage: str) -> tuple[str, ...]:
     if not fit.solution.converged:
         text = f"hardly determine {{what}}: no convergence after {fit.solution.iterations} steps"
         raise _refusal(fit, information, max(worst, key=lambda w: w.relative_std), text)
-    for weakness in worst:
-        if weakness.relative_std > _BEYOND_DOUBT:
-            _follow_valley(fit, information, covariance, weakness, stage)
-    return tuple(
-        f"stage {w.stage}: {w.in_words} is known to {w.relative_std:.1%} only – "
-        f"{_advice(fit, information, w)}"
-        for w in worst
-        if w.relative_std > WEAK
-    )
+    return worst
 
 
 def require_open_sheets(fit: Fit) -> None:
@@ -222,11 +249,25 @@ def _null_direction(fit: Fit, information: Array) -> Weakness:
     return _weakness(fit, names[leading], np.inf)
 
 
-def _follow_valley(
-    fit: Fit, information: Array, covariance: Array, weakness: Weakness, stage: str
-) -> None:
-    """Hold the weakest parameter away from its estimate, adjust everything else again."""
-    parameters = fit.adjustment.parameters
+def _lower_beside(fit: Fit, weaknesses: list[Weakness], stage: str) -> RigState | None:
+    """Follow the valleys of what is known least, until one leads farther down."""
+    for weakness in weaknesses:
+        if weakness.relative_std > _BEYOND_DOUBT:
+            lower = _follow_valley(fit, weakness, stage)
+            if lower is not None:
+                return lower
+    return None
+
+
+def _follow_valley(fit: Fit, weakness: Weakness, stage: str) -> RigState | None:
+    """Hold the weakest parameter away from its estimate, adjust everything else again.
+
+    Returns
+    -------
+    RigState or None
+        A state that fits better than the fit does, if there is one.
+    """
+    parameters, covariance = fit.adjustment.parameters, fit.covariance
     place = parameters.index(weakness.parameter)
     column = covariance[:, place] / np.sqrt(covariance[place, place])
     others = tuple(name for name in parameters if name != weakness.parameter)
@@ -235,7 +276,10 @@ def _follow_valley(
     base = sum(block.cost for block in whole.blocks(fit.state))
     limit = float(chdtri(1, _CHANCE))
     for side in (_FOLLOWED, -_FOLLOWED):
-        rise = 2.0 * (_cost_beside(fit, held, side * column, stage) - base)
+        beside = _solution_beside(fit, held, side * column, stage)
+        rise = np.inf if beside is None else 2.0 * (beside.cost - base)
+        if beside is not None and rise < -_BETTER:
+            return beside.state
         if rise < limit:
             shift = abs(side) * weakness.relative_std
             text = (
@@ -243,16 +287,19 @@ def _follow_valley(
                 f"changed by {shift:.0%}, all fits nearly as well (chi-squared "
                 f"{rise:+.1f} where {_FOLLOWED**2:.0f} was to be expected)"
             )
-            raise _refusal(fit, information, weakness, text)
+            raise _refusal(fit, fit.information, weakness, text)
+    return None
 
 
-def _cost_beside(fit: Fit, held: Adjustment, step: Array, stage: str) -> float:
-    """Least cost near a step away; infinite where no such rig could be seen like this."""
+def _solution_beside(
+    fit: Fit, held: Adjustment, step: Array, stage: str
+) -> Solution[RigState] | None:
+    """The minimum near a step away; none where no such rig could be seen like this."""
     try:
         moved = _moved(fit, step)
-        return np.inf if moved is None else settled(held, moved, stage).cost
+        return None if moved is None else settled(held, moved, stage)
     except (np.linalg.LinAlgError, UntrustworthyError):
-        return np.inf
+        return None
 
 
 def _moved(fit: Fit, step: Array) -> RigState | None:

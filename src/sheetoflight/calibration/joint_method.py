@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from sheetoflight.calibration.estimation_task import EstimationTask
 from sheetoflight.calibration.fitting import Fit
-from sheetoflight.calibration.identifiability import require_determined, require_open_sheets
+from sheetoflight.calibration.identifiability import determined, require_open_sheets
 from sheetoflight.calibration.noise import NoiseModel
 from sheetoflight.calibration.outcome import Outcome
 from sheetoflight.calibration.rig_state import intrinsic_names, sheet_names
@@ -30,7 +30,7 @@ def joint(rig: Rig, noise: NoiseModel, fit: Fit | None = None) -> Outcome:
         If they do not determine what is to be estimated.
     """
     fit = fit or best_fit(EstimationTask.of_everything(rig, noise), with_sheets)
-    weak = require_determined(fit, "joint")
+    fit, weak = determined(fit, "joint")
     require_open_sheets(fit)
     names = (*intrinsic_names(rig.free_intrinsics), *sheet_names(len(rig.lasers)))
     return Outcome(fit.state, influence(fit, names, "joint"), (fit,), fit, weak)

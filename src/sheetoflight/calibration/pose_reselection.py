@@ -1,16 +1,50 @@
-"""The other pose of a pivoting target.
+"""The other pose of a target, for descents stay in the one they began in.
 
 Given the camera and the fixed point, the ray of a far marker meets the sphere that the marker
-can reach twice, so every view has two stable poses and a descent stays in the one it began in.
+can reach twice, so every view of a pivoting target has two stable poses. A target that a sheet
+crosses may be caught in a wrong slant; its spot in the sheet tells the right one.
 """
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 import numpy as np
 
+from sheetoflight.calibration.crossing_start import poses_through_spots
+from sheetoflight.calibration.placements import placed
+from sheetoflight.calibration.rig_state import RigState
 from sheetoflight.geometry.directions import Array, normalised
 from sheetoflight.model.camera import Camera
 from sheetoflight.model.observations import TargetViews
+
+
+def reselected(
+    state: RigState, stages: Mapping[str, TargetViews], positions: Array
+) -> tuple[RigState, bool]:
+    """The state with poses that fit better, and whether there are any."""
+    changed = np.zeros(0, dtype=bool)
+    if "camera" in stages:
+        now = state.poses["camera"]
+        directions, changed = reselected_directions(
+            state.camera, state.anchor, now, stages["camera"], positions
+        )
+        state = state.with_poses("camera", directions)
+    if "crossing" not in stages:
+        return state, bool(changed.any())
+    views, now = stages["crossing"], state.poses["crossing"]
+    poses, there = poses_through_spots(state, positions, views)
+    other = state.with_poses("crossing", np.where(there[:, None], poses, now))
+    better = _crossing_errors(other, views, positions) < _crossing_errors(state, views, positions)
+    state = state.with_poses("crossing", np.where(better[:, None], other.poses["crossing"], now))
+    return state, bool(changed.any() or better.any())
+
+
+def _crossing_errors(state: RigState, views: TargetViews, positions: Array) -> Array:
+    """Sum of squared residuals ``(N,)``; infinite for impossible poses."""
+    uv = state.camera.project(placed(state, "crossing", positions, views).points)
+    errors = np.nan_to_num(np.sum((uv - views.uv) ** 2, axis=-1), nan=np.inf)
+    return np.where(views.seen, errors, 0.0).sum(axis=1)
 
 
 def reselected_directions(

@@ -17,6 +17,7 @@ from itertools import chain, combinations, islice
 import numpy as np
 
 from sheetoflight.calibration.adjustment import Adjustment
+from sheetoflight.calibration.crossing_start import crossings_in_front, with_crossings
 from sheetoflight.calibration.estimation_task import EstimationTask
 from sheetoflight.calibration.pose_reselection import reselected_directions
 from sheetoflight.calibration.rig_state import RigState
@@ -28,7 +29,6 @@ from sheetoflight.calibration.starts import (
     pivoting_state,
     plain_cameras,
     seen_plane,
-    with_crossings,
     with_sheets,
 )
 from sheetoflight.errors import UntrustworthyError
@@ -209,7 +209,7 @@ def _robust_state(
         distances=np.array([d for _, d in planes]),
     )
     state = robust_poses(rig, state, "plane", stages["plane"])
-    return with_crossings(rig, state)
+    return crossings_in_front(rig, with_crossings(rig, state))
 
 
 def robust_poses(rig: Rig, state: RigState, stage: str, views: TargetViews) -> RigState:

@@ -24,6 +24,9 @@ from sheetoflight.errors import UntrustworthyError
 from sheetoflight.model.diagnosis import Finding
 from sheetoflight.model.rig import Rig
 
+_BEYOND_DOUBT = 1e-5
+"""Odds of chance below which a fault is reason enough to refuse; others are only told."""
+
 _MISLEADING_SHIFT = 2.0
 """Standard uncertainties by which a fault may have moved the estimates: beyond, their intervals
 miss."""
@@ -156,11 +159,11 @@ def refuse_misleading(told: tuple[Finding, ...]) -> None:
     Raises
     ------
     UntrustworthyError
-        If a finding has moved the estimates beyond their uncertainties, or is most of the
-        residuals.
+        If a finding that chance cannot explain has moved the estimates beyond their
+        uncertainties, or is most of the residuals.
     """
     for finding in told:
-        if finding.cause in _NOISE_CAUSES:
+        if finding.cause in _NOISE_CAUSES or finding.odds > _BEYOND_DOUBT:
             continue
         shifted = finding.shift > _MISLEADING_SHIFT
         if shifted or (finding.explained > _MISLEADING_SHARE and finding.shift > 0):

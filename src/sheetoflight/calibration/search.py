@@ -34,6 +34,10 @@ straightness in the pictures says of the noise by more than chance does with the
 _ROUGHLY = SolverOptions(tolerance=1e-2)
 """For what is only where the next adjustment begins."""
 
+_AGREEING = 4
+"""Starts that lead to one minimum before it is taken although it is not convincing: two have been
+seen to meet in a false one."""
+
 _SAME_MINIMUM = 1e-6
 """Relative difference of costs below which two starts have led to one minimum."""
 
@@ -61,7 +65,7 @@ def best_fit(task: EstimationTask, complete: Completion) -> Fit:
 def _best_pinhole(task: EstimationTask, complete: Completion) -> RigState:
     found = evidence(task.rig)
     limit = _straightness_limit(task)
-    best, cost, refusal = None, np.inf, None
+    best, cost, agreed, refusal = None, np.inf, 0, None
     for state in _starts(task.rig, found, complete):
         if isinstance(state, UntrustworthyError):
             refusal = refusal or state
@@ -75,10 +79,12 @@ def _best_pinhole(task: EstimationTask, complete: Completion) -> RigState:
         except UntrustworthyError as reason:
             refusal = refusal or reason
             continue
-        again = abs(solution.cost - cost) <= _SAME_MINIMUM * cost
+        same = abs(solution.cost - cost) <= _SAME_MINIMUM * cost
+        better = not same and solution.cost < cost
+        agreed = 1 if better else agreed + same
         if solution.cost < cost:
             best, cost = solution.state, solution.cost
-        if cost <= limit or again:
+        if cost <= limit or agreed == _AGREEING:
             break
     if best is None:
         raise refusal or UntrustworthyError(

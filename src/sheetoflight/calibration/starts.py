@@ -18,10 +18,11 @@ from sheetoflight.calibration.camera_closed_form import (
     normalisation,
     pivot_images,
 )
+from sheetoflight.calibration.crossing_start import crossings_in_front, spots, with_crossings
 from sheetoflight.calibration.pose_reselection import reselected_directions
 from sheetoflight.calibration.rig_state import RigState
 from sheetoflight.calibration.sheet_map_closed_form import sheet_map
-from sheetoflight.calibration.target_triangulation import triangulated_targets
+from sheetoflight.calibration.triangulated_views import outer_markers, triangulated_views
 from sheetoflight.errors import UntrustworthyError
 from sheetoflight.geometry.directions import Array, normalised, tangent_basis
 from sheetoflight.geometry.planes import fitted_plane
@@ -123,51 +124,6 @@ def pivoting_state(rig: Rig, found: Evidence, camera: Camera) -> RigState:
     return replace(empty, anchor=anchor, poses={"camera": best})
 
 
-def triangulated_views(rig: Rig, camera: Camera, stage: str) -> tuple[Array, np.ndarray]:
-    """A, P, B of the views that show three markers, by the paper's closed form.
-
-    Of more than three markers the first and the last seen and the one nearest their middle.
-
-    Returns
-    -------
-    points : (V, 3, 3) array
-        mm, camera frame.
-    used : (V,) int array
-        Which views those are.
-    """
-    views = rig.observations.stages().get(stage)
-    markers = len(rig.target.markers_mm)
-    if views is None:
-        return np.empty((0, 3, 3)), np.empty(0, dtype=int)
-    seen = views.seen[:, :markers]
-    used = np.flatnonzero(seen.sum(axis=1) >= 3)
-    if not len(used):
-        return np.empty((0, 3, 3)), used
-    chosen = _triples(seen[used], rig.target.positions)
-    uv = np.take_along_axis(views.uv[used], chosen[..., None], axis=1)
-    places = rig.target.positions[chosen]
-    l1, l2 = places[:, 1] - places[:, 0], places[:, 2] - places[:, 1]
-    points = triangulated_targets(uv, l1, l2, camera)
-    finite = np.isfinite(points).all(axis=(1, 2))
-    return points[finite], used[finite]
-
-
-def _triples(seen: np.ndarray, positions: Array) -> np.ndarray:
-    """First, middle and last of the markers that were seen ``(V, 3)``."""
-    first, last = _ends(seen)
-    middle = 0.5 * (positions[first] + positions[last])
-    inner = seen.copy()
-    rows = np.arange(len(seen))
-    inner[rows, first] = inner[rows, last] = False
-    off = np.where(inner, np.abs(positions - middle[:, None]), np.inf)
-    return np.stack([first, off.argmin(axis=1), last], axis=1)
-
-
-def _ends(seen: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """First and last marker that each view shows."""
-    return seen.argmax(axis=1), seen.shape[1] - 1 - seen[:, ::-1].argmax(axis=1)
-
-
 def with_sheets(rig: Rig, found: Evidence, state: RigState) -> RigState:
     """The state with all sheets of light and the views that belong to them.
 
@@ -183,9 +139,10 @@ def with_sheets(rig: Rig, found: Evidence, state: RigState) -> RigState:
     state = with_crossings(rig, state)
     lasers = range(len(rig.lasers))
     try:
-        return with_planes(rig, state, [_plane(rig, found, state, laser) for laser in lasers])
+        state = with_planes(rig, state, [_plane(rig, found, state, laser) for laser in lasers])
     except UntrustworthyError:  # parallel targets give a poor homography, but points in space
-        return with_planes(rig, state, [_triangulated_plane(rig, state, n) for n in lasers])
+        state = with_planes(rig, state, [_triangulated_plane(rig, state, n) for n in lasers])
+    return crossings_in_front(rig, state)
 
 
 def _plane(rig: Rig, found: Evidence, state: RigState, laser: int) -> tuple[Array, float]:
@@ -208,17 +165,17 @@ def _triangulated_plane(rig: Rig, state: RigState, laser: int) -> tuple[Array, f
     """The plane through all triangulated markers that lie in a sheet and its spots on targets."""
     lying, used = triangulated_views(rig, state.camera, "plane")
     lying = lying[rig.observations.plane.lasers[used] == laser] if len(used) else lying
-    spots = _spots(rig, state, laser)
-    if len(lying) < 2 and len(spots) < 3 - len(lying):
+    crossed = spots(rig, state, laser)
+    if len(lying) < 2 and len(crossed) < 3 - len(lying):
         raise UntrustworthyError(
             "plane",
             f"{len(lying)} usable {'position' if len(lying) == 1 else 'positions'} of the target "
-            f"in the sheet of {rig.lasers[laser]} and {len(spots)} spots of it, "
+            f"in the sheet of {rig.lasers[laser]} and {len(crossed)} spots of it, "
             "at least 2 positions or 3 spots are needed",
             "lay the target into the sheet in further, differently turned positions (10 give a "
             "good result), or let the sheet cross it in further views",
         )
-    return fitted_plane(np.concatenate([lying.reshape(-1, 3), spots]))
+    return fitted_plane(np.concatenate([lying.reshape(-1, 3), crossed]))
 
 
 def with_planes(rig: Rig, state: RigState, planes: Sequence[tuple[Array, float]]) -> RigState:
@@ -249,7 +206,7 @@ def lying_poses(state: RigState, views: TargetViews, rig: Rig) -> Array:
     if lost.any():
         raise _cannot_lie(rig, state, views, int(np.flatnonzero(lost)[0]))
     rows = np.arange(len(views))
-    first, last = _ends(seen)
+    first, last = outer_markers(seen)
     along = flat[rows, last] - flat[rows, first]
     angle = np.arctan2(along[:, 1], along[:, 0])
     direction = np.stack([np.cos(angle), np.sin(angle)], axis=1)
@@ -266,49 +223,6 @@ def _cannot_lie(rig: Rig, state: RigState, views: TargetViews, view: int) -> Unt
         "check this view's markers; move the laser aside if the sheet passes through or near the "
         "camera",
     )
-
-
-def with_crossings(rig: Rig, state: RigState) -> RigState:
-    """The state with the poses of crossing targets, from the paper's triangulation.
-
-    Raises
-    ------
-    UntrustworthyError
-        If a view shows fewer than three markers.
-    """
-    views = rig.observations.crossing
-    if not len(views):
-        return state
-    points, used = triangulated_views(rig, state.camera, "crossing")
-    if len(used) < len(views):
-        missing = views.names[int(np.setdiff1d(np.arange(len(views)), used)[0])]
-        raise UntrustworthyError(
-            "crossing",
-            f"view {missing} does not give its pose",
-            "remove the view, or detect three of its markers",
-        )
-    along = normalised(points[:, 2] - points[:, 0])
-    markers = len(rig.target.markers_mm)
-    places = _triples(views.seen[:, :markers], rig.target.positions)
-    offsets = rig.target.positions[places].mean(axis=1) - rig.target.positions.mean()
-    middle = points.mean(axis=1) - offsets[:, None] * along
-    return state.with_poses("crossing", np.concatenate([middle, along], axis=1))
-
-
-def _spots(rig: Rig, state: RigState, laser: int) -> Array:
-    """Where the targets are crossed by a laser ``(S, 3)``: the points of the targets nearest to
-    the spots' rays."""
-    views = rig.observations.crossing
-    if not len(views):
-        return np.empty((0, 3))
-    rays = normalised(state.camera.unproject(views.uv[:, len(rig.target.markers_mm) + laser]))
-    middle, along = np.split(state.poses["crossing"], 2, axis=1)
-    # what of the target's direction the ray does not see end on
-    across = along - np.sum(along * rays, axis=1, keepdims=True) * rays
-    with np.errstate(invalid="ignore", divide="ignore"):
-        reach = -np.sum(middle * across, axis=1) / np.sum(across**2, axis=1)
-    points = middle + reach[:, None] * along
-    return points[np.isfinite(points).all(axis=1)]
 
 
 def _in(pixels: Array, uv: Array) -> Array:

@@ -9,7 +9,7 @@ import numpy as np
 from sheetoflight.calibration.camera_alone import camera_alone, with_known_pixel_noise
 from sheetoflight.calibration.fitting import Fit, fitted
 from sheetoflight.calibration.identifiability import (
-    require_determined,
+    determined,
     require_open_sheets,
     roughly_determined,
 )
@@ -47,8 +47,9 @@ def two_step(rig: Rig, noise: NoiseModel, fit: Fit | None = None) -> Outcome:
     start = with_sheets(rig, evidence(rig), camera.state)
     noise_now = with_known_pixel_noise(camera) if told is None else _known(told)
     sheet = fitted(rig, stages, sheets, start, noise_now, "plane")
-    weak = (*weak, *require_determined(sheet, "plane"))
+    sheet, weak_sheet = determined(sheet, "plane")
     require_open_sheets(sheet)
+    weak = (*weak, *weak_sheet)
     names = intrinsic_names(rig.free_intrinsics)
     spread = _size_covariance(camera, sheet) if fit is None else fit.size_covariance
     camera, sheet = (replace(step, size_covariance=spread) for step in (camera, sheet))
