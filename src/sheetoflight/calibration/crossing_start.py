@@ -18,7 +18,7 @@ from sheetoflight.model.camera import Camera
 from sheetoflight.model.observations import TargetViews
 from sheetoflight.model.rig import Rig
 
-_SLANTS = np.radians(np.arange(-80.0, 81.0, 2.0))
+_SLANTS = np.radians(np.arange(-89.5, 90.0, 0.5))
 """Directions that are tried, from across the spot's ray."""
 
 
@@ -107,7 +107,7 @@ def poses_through_spots(
     With the spot's ray u and w across it in the plane in which the target is seen, a target
     through ``S = D u`` with slant θ is ``S + t (cos θ w + sin θ u)`` and meets the ray
     ``a (p u + q w)`` of a marker at ``t = a q / cos θ``, ``a = D / (p − q tan θ)``. The slant is
-    that which puts the outer markers' distance nearest to the true one.
+    that which puts the markers' distances nearest to the true ones; three markers leave one.
 
     Returns
     -------
@@ -116,23 +116,25 @@ def poses_through_spots(
         Views in which there is such a target in front of the camera.
     """
     markers, rows = len(positions), np.arange(len(views))
-    lasers = views.seen[:, markers:].argmax(axis=1)
-    first, last = outer_markers(views.seen[:, :markers])
+    seen, lasers = views.seen[:, :markers], views.seen[:, markers:].argmax(axis=1)
+    first, last = outer_markers(seen)
     rays = normalised(state.camera.unproject(views.uv))
-    spot, ends = rays[rows, markers + lasers], rays[rows[:, None], np.stack([first, last], axis=1)]
-    chord = ends[:, 1] - ends[:, 0]
+    spot, rays = rays[rows, markers + lasers], rays[:, :markers]
+    chord = rays[rows, last] - rays[rows, first]
     with np.errstate(divide="ignore", invalid="ignore"):
         normals = state.frames[lasers][:, :, 2]
         reach = state.distances[lasers] / np.sum(spot * normals, axis=1)
         across = normalised(chord - np.sum(chord * spot, axis=1, keepdims=True) * spot)
-        p, q = (np.einsum("nei,ni->ne", ends, axis)[..., None] for axis in (spot, across))
-        scale = reach[:, None, None] / (p - q * np.tan(_SLANTS))  # (N, 2, slants)
+        p, q = (np.einsum("nmi,ni->nm", rays, axis)[..., None] for axis in (spot, across))
+        scale = reach[:, None, None] / (p - q * np.tan(_SLANTS))  # (N, M, slants)
         t = scale * q / np.cos(_SLANTS)
-        error = np.abs(t[:, 1] - t[:, 0] - (positions[last] - positions[first])[:, None])
-    possible = (scale > 0).all(axis=1) & np.isfinite(error)
+    start = t[rows, first][:, None] + (positions - positions[first][:, None])[..., None]
+    error = np.where(seen[..., None], (t - start) ** 2, 0.0).sum(axis=1)
+    in_front = ((scale > 0) | ~seen[..., None]).all(axis=1)
+    possible = in_front & np.isfinite(error)
     best = np.where(possible, error, np.inf).argmin(axis=1)
     slant = _SLANTS[best][:, None]
     along = np.cos(slant) * across + np.sin(slant) * spot
-    start = t[rows, 0, best] + positions.mean() - positions[first]
-    middle = reach[:, None] * spot + start[:, None] * along
+    middle = t[rows, first, best] + positions.mean() - positions[first]
+    middle = reach[:, None] * spot + middle[:, None] * along
     return np.concatenate([middle, along], axis=1), possible[rows, best]
