@@ -58,6 +58,7 @@ def hypotheses(fit: Fit, tested: ScoredFit) -> Iterator[Hypothesis]:
     yield from _bent_targets(fit)
     yield from _slipped_pivots(fit, tested)
     yield from _moved_lasers(fit, tested)
+    yield from _other_cameras(fit)
 
 
 def _images(fit: Fit, stage: str, moves: Sequence[Array]) -> Array:
@@ -199,4 +200,35 @@ def _moved_lasers(fit: Fit, tested: ScoredFit) -> Iterator[Hypothesis]:
             f"{views.names[mine[first]]}",
             "fasten the laser and take the in-plane views again, or keep those of one side",
             trials=len(mine) - 5,
+        )
+
+
+def _other_cameras(fit: Fit) -> Iterator[Hypothesis]:
+    """Another camera in the sheet than about the fixed point.
+
+    In-plane views alone give their sheet's homography to the image, three numbers for the sheet and
+    two for the camera (Zhang 2000): with two of its parameters free in them, no more is asked of
+    them than method camera-free asks. So this is the cross-check of that method with the rest.
+    """
+    if not {"camera", "plane"} <= fit.adjustment.stages.keys():
+        return
+    camera, seen = fit.state.camera, fit.adjustment.stages["plane"].seen
+    points = fit.adjustment.placed(fit.state, "plane").points
+    names = ("alpha", "beta", "u0", "v0")
+    _, _, by_camera = camera.project_with_jacobians(
+        points, [Camera.PARAMETERS.index(name) for name in names]
+    )
+    by_camera = np.where(seen[..., None, None], by_camera, 0.0)
+    by_focus = by_camera[..., 0] * camera.alpha + by_camera[..., 1] * camera.beta
+    for centre in (2, 3):
+        columns = np.stack([by_focus, by_camera[..., centre]], axis=-1)
+        yield Hypothesis(
+            "plane",
+            "stages disagree",
+            {"plane": columns.reshape(len(columns), -1, 2)},
+            "the in-plane views ask for another camera than the pivoting target does, its focal "
+            "length {size:+.2%} off (± {std:.1%})",
+            "leave focus, zoom and camera alone between the stages, and use one and the same "
+            "target in both; else take the views again",
+            trials=2,
         )

@@ -184,6 +184,35 @@ def moved_laser(
     return photographed(rig.camera, changed, recording.pixel_std, rng)
 
 
+def refocused(
+    rig: SimulatedRig,
+    recording: Recording,
+    rng: np.random.Generator,
+    scale: float = 1.05,
+) -> Observations:
+    """After the stage camera the lens is focused anew, its focal length `scale` times as long."""
+    placed = placed_targets(rig, recording, rng)
+    seen = photographed(rig.camera, placed, recording.pixel_std, rng)
+    before, after = (
+        rig.camera,
+        replace(rig.camera, alpha=scale * rig.camera.alpha, beta=scale * rig.camera.beta),
+    )
+    moved = {
+        "plane": placed.plane,
+        "crossing": np.concatenate([placed.crossing, placed.spots], axis=1),
+    }
+    return replace(
+        seen,
+        **{
+            stage: replace(
+                getattr(seen, stage),
+                uv=getattr(seen, stage).uv + after.project(points) - before.project(points),
+            )
+            for stage, points in moved.items()
+        },
+    )
+
+
 FAULTS: dict[str, Fault] = {
     "bent target": bent_target,
     "bent target, rolled": partial(bent_target, roll_deg=None),
@@ -192,6 +221,7 @@ FAULTS: dict[str, Fault] = {
     "slipped view": slipped_view,
     "unmodelled distortion": unmodelled_distortion,
     "moved laser": moved_laser,
+    "refocused": refocused,
     "swapped markers, camera": swapped_markers,
     "swapped markers, plane": partial(swapped_markers, stage="plane"),
     "defocus, camera": partial(defocus, stage="camera"),
