@@ -120,6 +120,7 @@ def fitted(
     state: RigState,
     noise: NoiseModel,
     stage: str,
+    solution: Solution[RigState] | None = None,
 ) -> Fit:
     """Estimate the shared parameters ``free`` and all poses, and the free noise variances.
 
@@ -134,6 +135,8 @@ def fitted(
     noise : NoiseModel
     stage : str
         What to blame in errors.
+    solution : Solution, optional
+        Of the estimates for independent image points, where it is known.
 
     Raises
     ------
@@ -141,7 +144,8 @@ def fitted(
         If a view does not determine its own pose, or there is no convergence.
     """
     adjustment = noise.adjustment(rig, stages, free, state)
-    solution = settled(adjustment, state, stage)
+    if solution is None or adjustment.whiteners:
+        solution = settled(adjustment, state, stage)
     sizes = _only(noise, stages)
     if not sizes.any() or adjustment.degrees_of_freedom < 1:
         return Fit(rig, adjustment, solution, noise, np.zeros((3, 3)))

@@ -20,7 +20,7 @@ from sheetoflight.calibration.starts import (
     plain_cameras,
 )
 from sheetoflight.errors import UntrustworthyError
-from sheetoflight.estimation.block_least_squares import SolverOptions
+from sheetoflight.estimation.block_least_squares import Solution, SolverOptions
 from sheetoflight.geometry.lines import on_common_line
 from sheetoflight.model.rig import Rig
 
@@ -59,10 +59,11 @@ def best_fit(task: EstimationTask, complete: Completion) -> Fit:
         If there is no start.
     """
     first = _best_pinhole(task, complete)
-    return fitted(task.rig, task.stages, task.free, first, task.noise, task.blamed)
+    done = first if task.free == task.without_distortion else None
+    return fitted(task.rig, task.stages, task.free, first.state, task.noise, task.blamed, done)
 
 
-def _best_pinhole(task: EstimationTask, complete: Completion) -> RigState:
+def _best_pinhole(task: EstimationTask, complete: Completion) -> Solution[RigState]:
     found = evidence(task.rig)
     limit = _straightness_limit(task)
     best, cost, agreed, refusal = None, np.inf, 0, None
@@ -83,7 +84,7 @@ def _best_pinhole(task: EstimationTask, complete: Completion) -> RigState:
         better = not same and solution.cost < cost
         agreed = 1 if better else agreed + same
         if solution.cost < cost:
-            best, cost = solution.state, solution.cost
+            best, cost = solution, solution.cost
         if cost <= limit or agreed == _AGREEING:
             break
     if best is None:
