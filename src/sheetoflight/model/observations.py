@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from functools import cached_property
 
 import numpy as np
 
@@ -78,10 +79,12 @@ class TargetViews:
     def __len__(self) -> int:
         return len(self.names)
 
-    @property
+    @cached_property
     def seen(self) -> np.ndarray:
         """``(N, M)`` mask of the markers that were seen."""
-        return np.asarray(np.isfinite(self.uv).all(axis=-1))
+        seen = np.asarray(np.isfinite(self.uv).all(axis=-1))
+        seen.setflags(write=False)
+        return seen
 
     def take(self, views: np.ndarray) -> TargetViews:
         """The views that an index array or mask ``views`` selects."""
