@@ -13,7 +13,7 @@ two kinds of equations together may give the camera. K follows from W's Cholesky
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -102,7 +102,7 @@ def pivot_images(points: Array, positions: Array) -> PivotImages | None:
 
 def closed_form_cameras(
     slopes: Array, sheets: Sequence[Array], middle: Array, skew: bool
-) -> list[Array]:
+) -> Iterator[Array]:
     """All K that the linear equations give, from the most general to the most reduced model.
 
     Parameters
@@ -116,14 +116,16 @@ def closed_form_cameras(
     skew : bool
         Whether to try a camera with skew.
 
-    Returns
-    -------
-    list of (3, 3) arrays
-        Empty where no W is positive definite: the evidence is degenerate, or too noisy for a
+    Yields
+    ------
+    (3, 3) array
+        None where no W is positive definite: the evidence is degenerate, or too noisy for a
         closed form.
     """
-    found = (_camera(slopes, sheets, basis) for basis in _camera_models(middle, skew))
-    return [matrix for matrix in found if matrix is not None]
+    for basis in _camera_models(middle, skew):
+        matrix = _camera(slopes, sheets, basis)
+        if matrix is not None:
+            yield matrix
 
 
 def _camera_models(middle: Array, skew: bool) -> list[list[Array]]:

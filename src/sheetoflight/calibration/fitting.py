@@ -169,7 +169,10 @@ def _with_pixel_noise(fit: Fit) -> Fit:
     variances[PIXEL] = variance
     spread = np.zeros((3, 3))
     spread[PIXEL, PIXEL] = 2.0 * variance**2 / freedom
-    return replace(fit, noise=fit.noise.with_variances(variances), size_covariance=spread)
+    sized = replace(fit, noise=fit.noise.with_variances(variances), size_covariance=spread)
+    if "contrasts" in vars(fit):  # they do not depend on the sizes, and cost an evaluation
+        vars(sized)["contrasts"] = fit.contrasts
+    return sized
 
 
 def _with_components(
@@ -185,9 +188,9 @@ def _with_components(
     if free[PIXEL]:
         variances[PIXEL] *= max(2.0 * solution.cost / adjustment.degrees_of_freedom, 1e-12)
     if free[PLACEMENT:].any():
-        free = free & _asked_for(noise, adjustment, solution.state, variances, free)
+        fit = Fit(rig, adjustment, solution, noise, np.zeros((3, 3)))
+        free = free & _asked_for(fit, variances, free)
         if not free[PLACEMENT:].any():
-            fit = Fit(rig, adjustment, solution, noise, np.zeros((3, 3)))
             return _with_pixel_noise(fit) if free[PIXEL] else fit
     start = _first_offsets(noise, adjustment, solution.state, variances, free)
     spread = np.zeros((3, 3))
@@ -210,23 +213,23 @@ def _with_components(
     return Fit(rig, adjustment, solution, noise.with_variances(variances), spread)
 
 
-def _asked_for(
-    noise: NoiseModel, adjustment: Adjustment, state: RigState, variances: Array, free: np.ndarray
-) -> np.ndarray:
+def _asked_for(fit: Fit, variances: Array, free: np.ndarray) -> np.ndarray:
     """Components to estimate: each kind of offset from the sheet only where the residuals show it,
     the second beside the first.
 
     A variance that can only be positive would else, where there is none, be found too large.
     """
-    groups, size = noise.contrasts(adjustment, state, {}), adjustment.shared_size
+    groups, size = fit.contrasts, fit.adjustment.shared_size
     asked = np.arange(len(free)) == PIXEL
     try:
         strength = np.where(free & ~asked, excess(groups, size, variances, free), -np.inf)
         first = int(np.argmax(strength))
-        if strength[first] <= _SHOWN and not _scatters_more(adjustment, groups, variances, free):
+        if strength[first] <= _SHOWN and not _scatters_more(
+            fit.adjustment, groups, variances, free
+        ):
             return asked
         asked[first] = True
-        start = _first_offsets(noise, adjustment, state, variances, free & asked)
+        start = _first_offsets(fit.noise, fit.adjustment, fit.state, variances, free & asked)
         sizes = variance_components(groups, size, start, free & asked).sizes
         return asked | (excess(groups, size, sizes, free & asked) > _SHOWN)
     except np.linalg.LinAlgError:

@@ -34,36 +34,27 @@ def together(scatter: Mapping[str, tuple[float, int]]) -> tuple[float, int]:
 def _scatter_of(fit: Fit, stage: str) -> tuple[float, int]:
     views = fit.adjustment.stages[stage]
     markers = len(fit.adjustment.positions)
-    place = fit.adjustment.placed(fit.state, stage)
-    first, second = _free_turns(place.points[:, :markers], place.along)
-    moves = [np.broadcast_to(axis, place.points.shape) for axis in np.eye(3)]
-    moves += [first, second]
-    padded = [_padded(move, place.points.shape[1]) for move in moves]
-    block = fit.adjustment.block(fit.state, stage, padded)
-    by_pose = block.by_shared[:, : 2 * markers, -len(moves) :]
-    residuals = block.residuals[:, : 2 * markers]
-    std = np.repeat(fit.noise.std(stage)[:, :markers], 2, axis=1)
     whole = views.seen[:, :markers].all(axis=1)
     if not whole.any():
         return 0.0, 0
-    scaled = by_pose[whole] / std[whole][..., None]
-    basis = np.linalg.qr(scaled, mode="complete")[0][..., 5:]
-    rest = np.einsum("nri,nr->ni", basis, residuals[whole] / std[whole])
+    place = fit.adjustment.placed(fit.state, stage)
+    points = place.points[whole, :markers]
+    uv, by_point, _ = fit.state.camera.project_with_jacobians(points, ())
+    by_turn = by_point @ _free_turns(points, place.along[whole])
+    by_pose = np.concatenate([by_point, by_turn], axis=-1).reshape(len(points), 2 * markers, 5)
+    std = np.repeat(fit.noise.std(stage)[whole, :markers], 2, axis=1)
+    basis = np.linalg.qr(by_pose / std[..., None], mode="complete")[0][..., 5:]
+    residuals = (uv - views.uv[whole, :markers]).reshape(len(points), 2 * markers)
+    rest = np.einsum("nri,nr->ni", basis, residuals / std)
     return float(np.sum(rest**2)), int(rest.size)
 
 
-def _free_turns(points: Array, along: Array) -> tuple[Array, Array]:
-    """Motions ``(N, M, 3)`` of the markers when the target turns about its middle."""
+def _free_turns(points: Array, along: Array) -> Array:
+    """Motions ``(N, M, 3, 2)`` of the markers when the target turns about its middle."""
     side = normalised(np.cross(along, points.mean(axis=1)))
     up = np.cross(along, side)
     offsets = np.sum((points - points.mean(axis=1, keepdims=True)) * along[:, None], axis=-1)
-    return offsets[..., None] * side[:, None], offsets[..., None] * up[:, None]
-
-
-def _padded(move: Array, points: int) -> Array:
-    """A move of the markers, the spots staying where they are."""
-    missing = points - move.shape[1]
-    return np.concatenate([move, np.zeros((len(move), missing, 3))], axis=1) if missing else move
+    return offsets[..., None, None] * np.stack([side, up], axis=-1)[:, None]
 
 
 def bent_anyhow(fit: Fit, plain: Fit, tested: ScoredFit) -> list[Finding]:

@@ -18,7 +18,6 @@ from sheetoflight.calibration.estimation_task import EstimationTask
 from sheetoflight.calibration.fitting import Fit, fitted
 from sheetoflight.calibration.noise import PIXEL, NoiseModel
 from sheetoflight.calibration.residual_tests import (
-    exact,
     quiet_variance,
     residual_tests,
 )
@@ -104,8 +103,6 @@ class Cleaned:
 def looks_wrong(fit: Fit) -> bool:
     """Whether some residual of a fit is too large for noise, or all are distributed as noise is
     not."""
-    if exact(fit):
-        return False
     try:
         tests = residual_tests(fit)
     except np.linalg.LinAlgError:

@@ -119,7 +119,7 @@ def _views_that_stand_out(views: tuple[ViewResiduals, ...]) -> tuple[str, ...]:
     warnings = []
     for stage in dict.fromkeys(view.stage for view in views):
         own = [view for view in views if view.stage == stage]
-        sizes = [view.rms_px for view in own]
+        sizes = np.sqrt(np.nanmean([view.residuals**2 for view in own], axis=(1, 2)))
         typical, worst = float(np.median(sizes)), int(np.argmax(sizes))
         if sizes[worst] > max(_STANDS_OUT * typical, _NO_RESIDUAL_PX):
             warnings.append(

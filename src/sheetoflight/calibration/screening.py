@@ -18,6 +18,7 @@ from sheetoflight.calibration.fitting import Fit
 from sheetoflight.calibration.identifiability import roughly_determined
 from sheetoflight.calibration.noise import chi2_limit, noise_model
 from sheetoflight.calibration.outliers import Cleaned, cleaned, looks_wrong
+from sheetoflight.calibration.residual_tests import exact
 from sheetoflight.calibration.search import best_fit
 from sheetoflight.calibration.starts import with_sheets
 from sheetoflight.errors import UntrustworthyError
@@ -71,6 +72,8 @@ def screened(rig: Rig) -> Screened:
     fit = _joint_fit(rig)
     if fit is None or not (fit.solution.converged and roughly_determined(fit)):
         return _screened_of_gross_errors(rig, fit)
+    if exact(fit):
+        return Screened(rig, fit)
     wrong = looks_wrong(fit)
     if not wrong and not (_too_noisy(fit) or suspicious(fit)):
         return Screened(rig, fit)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
+from contextlib import suppress
 from itertools import chain
 
 import numpy as np
@@ -34,6 +35,9 @@ straightness in the pictures says of the noise by more than chance does with the
 _ROUGHLY = SolverOptions(tolerance=1e-2)
 """For what is only where the next adjustment begins."""
 
+_BRIEFLY = SolverOptions(iterations=15)
+"""For what either arrives soon or has gone astray."""
+
 _AGREEING = 4
 """Starts that lead to one minimum before it is taken although it is not convincing: two have been
 seen to meet in a false one."""
@@ -58,12 +62,11 @@ def best_fit(task: EstimationTask, complete: Completion) -> Fit:
     UntrustworthyError
         If there is no start.
     """
-    first = _best_pinhole(task, complete)
-    done = first if task.free == task.without_distortion else None
-    return fitted(task.rig, task.stages, task.free, first.state, task.noise, task.blamed, done)
+    best = _best_minimum(task, complete)
+    return fitted(task.rig, task.stages, task.free, best.state, task.noise, task.blamed, best)
 
 
-def _best_pinhole(task: EstimationTask, complete: Completion) -> Solution[RigState]:
+def _best_minimum(task: EstimationTask, complete: Completion) -> Solution[RigState]:
     found = evidence(task.rig)
     limit = _straightness_limit(task)
     best, cost, agreed, refusal = None, np.inf, 0, None
@@ -71,12 +74,8 @@ def _best_pinhole(task: EstimationTask, complete: Completion) -> Solution[RigSta
         if isinstance(state, UntrustworthyError):
             refusal = refusal or state
             continue
-        # first what follows from the camera, then all: depths that the camera's error has put
-        # far off would lead astray
         try:
-            held = settled(_adjustment(task, task.others, state), state, task.blamed, _ROUGHLY)
-            pinhole = _adjustment(task, task.without_distortion, state)
-            solution = settled(pinhole, held.state, task.blamed)
+            solution = _minimum(task, state, limit)
         except UntrustworthyError as reason:
             refusal = refusal or reason
             continue
@@ -105,6 +104,28 @@ def _starts(
             yield refusal
 
 
+def _minimum(task: EstimationTask, state: RigState, limit: float) -> Solution[RigState]:
+    """Down from a start: all at once, which most often convinces; else first what follows from the
+    camera, for depths that the camera's error has put far off would lead astray."""
+    with suppress(UntrustworthyError):
+        solution = _all_at_once(task, state, _BRIEFLY)
+        if solution.converged and solution.cost <= limit:
+            return solution
+    held = settled(_adjustment(task, task.others, state), state, task.blamed, _ROUGHLY)
+    return _all_at_once(task, held.state)
+
+
+def _all_at_once(
+    task: EstimationTask, state: RigState, options: SolverOptions | None = None
+) -> Solution[RigState]:
+    """Camera and everything else; what the lens adds to a camera, last."""
+    pinhole = _adjustment(task, task.without_distortion, state)
+    solution = settled(pinhole, state, task.blamed, options)
+    if task.free == task.without_distortion:
+        return solution
+    return settled(_adjustment(task, task.free, state), solution.state, task.blamed, options)
+
+
 def _adjustment(task: EstimationTask, free: tuple[str, ...], state: RigState) -> Adjustment:
     return task.noise.adjustment(task.rig, task.stages, free, state)
 
@@ -122,8 +143,7 @@ def _straightness_limit(task: EstimationTask) -> float:
         across = uv - on_common_line(uv)
         squares += float(np.sum((across / std[..., None]) ** 2))
         freedom += int(whole.sum()) * (markers - 2)
-    plain = task.noise.adjustment(task.rig, task.stages, task.without_distortion)
-    own = plain.degrees_of_freedom
+    own = task.noise.adjustment(task.rig, task.stages, task.free).degrees_of_freedom
     if freedom < 1 or own < 1:
         return -np.inf
     return 0.5 * own * squares / freedom * float(fdtri(own, freedom, 1.0 - _CONVINCING_ODDS))
