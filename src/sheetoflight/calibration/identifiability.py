@@ -26,7 +26,7 @@ from sheetoflight.calibration.next_view import next_view, size_of
 from sheetoflight.calibration.noise import PIXEL
 from sheetoflight.calibration.rig_state import ANCHOR, RigState
 from sheetoflight.errors import UntrustworthyError
-from sheetoflight.estimation.block_least_squares import Solution
+from sheetoflight.estimation.block_least_squares import Solution, SolverOptions
 from sheetoflight.geometry.directions import Array
 
 LINEAR_LIMIT = 0.1
@@ -47,6 +47,9 @@ _BETTER = 0.1
 """Fall of chi-squared beside a minimum that shows it is not the least."""
 
 _MINIMA = 3
+
+_NEARLY = SolverOptions(tolerance=1e-6, iterations=80)
+"""Chi-squared beside a minimum is asked for to a tenth."""
 
 _TAKES_PART = 0.1
 """Component of a unit vector above which a parameter has a part in what is undetermined."""
@@ -297,7 +300,7 @@ def _solution_beside(
     """The minimum near a step away; none where no such rig could be seen like this."""
     try:
         moved = _moved(fit, step)
-        return None if moved is None else settled(held, moved, stage)
+        return None if moved is None else settled(held, moved, stage, _NEARLY)
     except (np.linalg.LinAlgError, UntrustworthyError):
         return None
 
