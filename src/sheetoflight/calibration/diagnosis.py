@@ -31,6 +31,9 @@ from sheetoflight.model.diagnosis import Finding
 _SIGNIFICANT = 1e-4
 """Odds of chance, all trials counted, below which a fault is told."""
 
+_LENS_ODDS = 1e-3
+"""Odds below which bent images of straight targets look like an unmodelled lens."""
+
 _ODD_TAIL = 0.025
 """Odds below which residuals look as if a diagnosis were worth while; one rig in twenty."""
 
@@ -142,7 +145,10 @@ def suspicious(fit: Fit) -> bool:
     scatter = line_scatter(fit)
     if noisy_stages(scatter):
         return True
-    squares, count = together(scatter)
+    across = together(scatter)
+    if across.lens_odds < _LENS_ODDS and "camera.k1" not in fit.adjustment.parameters:
+        return True
+    squares, count = across.squares, across.freedom
     rest = fit.degrees_of_freedom - count
     if count < 3 or rest < 3:
         return True

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import astuple, dataclass
 
 import numpy as np
 from scipy.special import fdtrc
@@ -11,42 +12,80 @@ from sheetoflight.calibration.fitting import Fit
 from sheetoflight.calibration.noise import MARKER
 from sheetoflight.calibration.score_tests import ScoredFit
 from sheetoflight.geometry.directions import Array, normalised
+from sheetoflight.model.camera import Camera
 from sheetoflight.model.diagnosis import Finding
+
+_LENS = (Camera.PARAMETERS.index("k1"),)
 
 _NOISY = 1e-3
 """Odds of chance below which scatter that differs between stages or directions is told; it spoils
 the weights only."""
 
 
-def line_scatter(fit: Fit, stages: Sequence[str] | None = None) -> dict[str, tuple[float, int]]:
-    """For each stage, sum of squares, in units of the pixel noise, and degrees of freedom of the
-    markers' scatter about the image of a straight target with free pose: what no sheet and no
-    pivot can cause."""
+@dataclass(frozen=True)
+class Scatter:
+    """How the markers of a stage scatter about the images of straight targets with free poses: what
+    no sheet and no pivot can cause.
+
+    Parameters
+    ----------
+    squares : float
+        Their sum, in units of the pixel noise.
+    freedom : int
+        Its degrees of freedom.
+    lens_pull, lens_strength : float
+        Gradient of half the sum by a radial distortion k1, and information on it.
+    """
+
+    squares: float = 0.0
+    freedom: int = 0
+    lens_pull: float = 0.0
+    lens_strength: float = 0.0
+
+    def __add__(self, other: Scatter) -> Scatter:
+        pairs = zip(astuple(self), astuple(other), strict=True)
+        return Scatter(*(one + two for one, two in pairs))
+
+    @property
+    def lens_odds(self) -> float:
+        """Odds of chance that so much of the scatter goes with the lens's distortion."""
+        if self.freedom < 2 or not self.lens_strength > 0:
+            return 1.0
+        explained = min(self.lens_pull**2 / self.lens_strength, self.squares)
+        rest = max(self.squares - explained, 1e-300)
+        return float(fdtrc(1, self.freedom - 1, explained / rest * (self.freedom - 1)))
+
+
+def line_scatter(fit: Fit, stages: Sequence[str] | None = None) -> dict[str, Scatter]:
+    """The markers' scatter, stage by stage."""
     return {stage: _scatter_of(fit, stage) for stage in stages or fit.adjustment.stages}
 
 
-def together(scatter: Mapping[str, tuple[float, int]]) -> tuple[float, int]:
-    """Squares and degrees of freedom of all stages."""
-    squares, counts = zip(*scatter.values(), strict=True) if scatter else ((), ())
-    return sum(squares), sum(counts)
+def together(scatter: Mapping[str, Scatter]) -> Scatter:
+    """Of all stages."""
+    return sum(scatter.values(), Scatter())
 
 
-def _scatter_of(fit: Fit, stage: str) -> tuple[float, int]:
+def _scatter_of(fit: Fit, stage: str) -> Scatter:
     views = fit.adjustment.stages[stage]
     markers = len(fit.adjustment.positions)
     whole = views.seen[:, :markers].all(axis=1)
     if not whole.any():
-        return 0.0, 0
+        return Scatter()
     place = fit.adjustment.placed(fit.state, stage)
     points = place.points[whole, :markers]
-    uv, by_point, _ = fit.state.camera.project_with_jacobians(points, ())
+    uv, by_point, by_lens = fit.state.camera.project_with_jacobians(points, _LENS)
     by_turn = by_point @ _free_turns(points, place.along[whole])
     by_pose = np.concatenate([by_point, by_turn], axis=-1).reshape(len(points), 2 * markers, 5)
     std = np.repeat(fit.noise.std(stage)[whole, :markers], 2, axis=1)
     basis = np.linalg.qr(by_pose / std[..., None], mode="complete")[0][..., 5:]
     residuals = (uv - views.uv[whole, :markers]).reshape(len(points), 2 * markers)
-    rest = np.einsum("nri,nr->ni", basis, residuals / std)
-    return float(np.sum(rest**2)), int(rest.size)
+    across = np.swapaxes(basis, 1, 2)
+    rest = across @ (residuals / std)[..., None]
+    lens = across @ (by_lens.reshape(residuals.shape) / std)[..., None]
+    return Scatter(
+        float(np.sum(rest**2)), rest.size, float(np.vdot(lens, rest)), float(np.sum(lens**2))
+    )
 
 
 def _free_turns(points: Array, along: Array) -> Array:
@@ -62,7 +101,8 @@ def bent_anyhow(fit: Fit, plain: Fit, tested: ScoredFit) -> list[Finding]:
     that is held with another side towards the camera each time."""
     # single markers off their sheet are a noise of their own
     stages = [s for s in tested.stages if s != "plane" or not fit.noise.free[MARKER]]
-    squares, count = together(line_scatter(plain, stages))
+    across = together(line_scatter(plain, stages))
+    squares, count = across.squares, across.freedom
     rest = sum(tested.freedom[s] for s in stages) - count
     left = sum(tested.chi2[s] for s in stages) - squares
     if count < 3 or rest < 3 or not left > 0:
@@ -85,13 +125,14 @@ def bent_anyhow(fit: Fit, plain: Fit, tested: ScoredFit) -> list[Finding]:
     ]
 
 
-def noisy_stages(scatter: Mapping[str, tuple[float, int]]) -> list[Finding]:
+def noisy_stages(scatter: Mapping[str, Scatter]) -> list[Finding]:
     """A stage whose markers scatter about their lines more than those of the others."""
-    scatter = {stage: (s, n) for stage, (s, n) in scatter.items() if n >= 3}
+    scatter = {stage: part for stage, part in scatter.items() if part.freedom >= 3}
     found = []
-    for stage, (own, count) in scatter.items():
-        others = [part for other, part in scatter.items() if other != stage]
-        rest, rest_count = (sum(part) for part in zip(*others, strict=True)) if others else (0, 0)
+    for stage, part in scatter.items():
+        own, count = part.squares, part.freedom
+        others = together({other: part for other, part in scatter.items() if other != stage})
+        rest, rest_count = others.squares, others.freedom
         if not rest:
             continue
         ratio = (own / count) / (rest / rest_count)

@@ -112,8 +112,7 @@ def _faulty_or_open(rig: Rig, fit: Fit | None) -> Screened:
 
 def _without_what_is_wrong(left: Cleaned, fit: Fit) -> Screened:
     words = tuple(entry.in_words for entry in left.wrong)
-    worth_it = fit.solution.converged and suspicious(fit)
-    rest = findings(fit) if worth_it else ()
+    rest = findings(fit) if fit.solution.converged and not exact(fit) else ()
     return _with_findings(Screened(left.rig, fit, words, rest))
 
 
