@@ -8,6 +8,7 @@ about.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import replace
 
 import numpy as np
@@ -16,6 +17,7 @@ from scipy.special import fdtrc
 from sheetoflight.calibration.faults import Hypothesis, hypotheses
 from sheetoflight.calibration.fitting import Fit, fitted
 from sheetoflight.calibration.line_scatter import (
+    Scatter,
     bent_anyhow,
     line_scatter,
     noisy_stages,
@@ -31,7 +33,7 @@ from sheetoflight.model.diagnosis import Finding
 _SIGNIFICANT = 1e-4
 """Odds of chance, all trials counted, below which a fault is told."""
 
-_LENS_ODDS = 1e-3
+LENS_ODDS = 1e-3
 """Odds below which bent images of straight targets look like an unmodelled lens."""
 
 _ODD_TAIL = 0.025
@@ -135,18 +137,18 @@ def _freedom(tested: ScoredFit, hypothesis: Hypothesis, count: int, placed_off: 
     return sum(tested.freedom[stage] for stage in hypothesis.columns) - count
 
 
-def suspicious(fit: Fit) -> bool:
+def suspicious(fit: Fit, scatter: Mapping[str, Scatter] | None = None) -> bool:
     """Whether a diagnosis is worth its time: the residuals differ from the markers' scatter about
     their lines, which needs no calibration, or targets seem to lie off their sheet."""
     if exact(fit):
         return False
     if fit.noise.free[PLACEMENT] and fit.noise.variances[PLACEMENT:].any():
         return True
-    scatter = line_scatter(fit)
+    scatter = scatter or line_scatter(fit)
     if noisy_stages(scatter):
         return True
     across = together(scatter)
-    if across.lens_odds < _LENS_ODDS and "camera.k1" not in fit.adjustment.parameters:
+    if across.lens_odds < LENS_ODDS and "camera.k1" not in fit.adjustment.parameters:
         return True
     squares, count = across.squares, across.freedom
     rest = fit.degrees_of_freedom - count

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import astuple, dataclass
+from dataclasses import dataclass
 
 import numpy as np
-from scipy.special import fdtrc
+from scipy.special import chdtri, fdtrc
 
 from sheetoflight.calibration.fitting import Fit
 from sheetoflight.calibration.noise import MARKER
@@ -35,16 +35,25 @@ class Scatter:
         Its degrees of freedom.
     lens_pull, lens_strength : float
         Gradient of half the sum by a radial distortion k1, and information on it.
+    typical : float
+        Variance that the median of the squares shows: single wrong markers leave it as it is.
     """
 
     squares: float = 0.0
     freedom: int = 0
     lens_pull: float = 0.0
     lens_strength: float = 0.0
+    typical: float = 0.0
 
     def __add__(self, other: Scatter) -> Scatter:
-        pairs = zip(astuple(self), astuple(other), strict=True)
-        return Scatter(*(one + two for one, two in pairs))
+        whole = max(self.freedom + other.freedom, 1)
+        return Scatter(
+            self.squares + other.squares,
+            self.freedom + other.freedom,
+            self.lens_pull + other.lens_pull,
+            self.lens_strength + other.lens_strength,
+            (self.freedom * self.typical + other.freedom * other.typical) / whole,
+        )
 
     @property
     def lens_odds(self) -> float:
@@ -84,7 +93,11 @@ def _scatter_of(fit: Fit, stage: str) -> Scatter:
     rest = across @ (residuals / std)[..., None]
     lens = across @ (by_lens.reshape(residuals.shape) / std)[..., None]
     return Scatter(
-        float(np.sum(rest**2)), rest.size, float(np.vdot(lens, rest)), float(np.sum(lens**2))
+        float(np.sum(rest**2)),
+        rest.size,
+        float(np.vdot(lens, rest)),
+        float(np.sum(lens**2)),
+        float(np.median(rest**2)) / float(chdtri(1, 0.5)),
     )
 
 

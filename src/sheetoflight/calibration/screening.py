@@ -8,15 +8,17 @@ Statistics 6(2), 1978).
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from sheetoflight.calibration.diagnosis import findings, suspicious
+from sheetoflight.calibration.diagnosis import LENS_ODDS, findings, suspicious
 from sheetoflight.calibration.estimation_task import EstimationTask
 from sheetoflight.calibration.fitting import Fit
 from sheetoflight.calibration.identifiability import roughly_determined
-from sheetoflight.calibration.noise import chi2_limit, noise_model
+from sheetoflight.calibration.line_scatter import Scatter, line_scatter, noisy_stages, together
+from sheetoflight.calibration.noise import NoiseModel, chi2_limit, noise_model
 from sheetoflight.calibration.outliers import Cleaned, cleaned, looks_wrong
 from sheetoflight.calibration.residual_tests import exact
 from sheetoflight.calibration.search import best_fit
@@ -27,6 +29,10 @@ from sheetoflight.model.rig import Rig
 
 _BEYOND_DOUBT = 1e-5
 """Odds of chance below which a fault is reason enough to refuse; others are only told."""
+
+_NOISIER = 4.0
+"""Ratio of typical variances beyond which a stage is weighed by its own noise: it halves the
+standard deviation's weight."""
 
 _MISLEADING_SHIFT = 2.0
 """Standard uncertainties by which a fault may have moved the estimates: beyond, their intervals
@@ -74,8 +80,43 @@ def screened(rig: Rig) -> Screened:
         return _screened_of_gross_errors(rig, fit)
     if exact(fit):
         return Screened(rig, fit)
+    scatter = line_scatter(fit)
+    factors = _noise_factors(scatter)
+    if not factors:
+        return _judged(rig, fit, scatter)
+    noisy = noisy_stages(scatter)
+    rig = _weighed(rig, fit.noise, factors)
+    fit = _joint_fit(rig)
+    found = _screened_of_gross_errors(rig, fit) if fit is None else _judged(rig, fit)
+    return replace(found, findings=(*found.findings, *noisy))
+
+
+def _noise_factors(scatter: Mapping[str, Scatter]) -> dict[str, float]:
+    """By how much the noise of stages exceeds that of the others, where it does so in most of
+    their views."""
+    factors = {}
+    if together(scatter).lens_odds < LENS_ODDS:
+        return factors
+    for finding in noisy_stages(scatter):
+        rest = together({s: part for s, part in scatter.items() if s != finding.stage})
+        ratio = scatter[finding.stage].typical / max(rest.typical, 1e-300)
+        if rest.freedom and ratio > _NOISIER:
+            factors[finding.stage] = float(np.sqrt(ratio))
+    return factors
+
+
+def _weighed(rig: Rig, noise: NoiseModel, factors: Mapping[str, float]) -> Rig:
+    """The rig with the noise of some stages so many times as large."""
+    changed = {
+        stage: replace(views, std=factors.get(stage, 1.0) * noise.proportions[stage])
+        for stage, views in rig.observations.stages().items()
+    }
+    return replace(rig, observations=replace(rig.observations, **changed))
+
+
+def _judged(rig: Rig, fit: Fit, scatter: Mapping[str, Scatter] | None = None) -> Screened:
     wrong = looks_wrong(fit)
-    if not wrong and not (_too_noisy(fit) or suspicious(fit)):
+    if not wrong and not (_too_noisy(fit) or suspicious(fit, scatter)):
         return Screened(rig, fit)
     told = findings(fit)
     if not wrong:
