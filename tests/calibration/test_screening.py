@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import partial
 
@@ -29,11 +30,12 @@ RECORDING = Recording(30, 10, pixel_std=0.1)
 
 @dataclass(frozen=True)
 class Told:
-    """How a fault is expected to be told: the stage, words of it, and whether it is refused."""
+    """How a fault is expected to be told: the stage, words of it, and whether it is refused; None
+    where either will do."""
 
     stage: str
     words: str
-    refused: bool = False
+    refused: bool | None = False
 
 
 LEFT_OUT_VIEW = r"left out as wrong: .*view camera00 of stage camera"
@@ -56,6 +58,11 @@ TOLD = {
 }  # fmt: skip
 """Reversing an evenly spaced target in the sheet, where any pose will do, changes nothing."""
 
+TOLD_AT_LEAST = {
+    **TOLD,
+    "moved laser": Told("plane", r"sheet of laser moved between views plane0[345] and", None),
+}
+
 CAUSES = {
     "bent target, rolled": "bent target",
     "defocus, camera": "noisy stage",
@@ -76,14 +83,14 @@ def answer(rig: Rig) -> tuple[str, list[str], list[tuple[str, str]]]:
     return "", list(found.warnings), [(f.stage, f.cause) for f in found.findings]
 
 
-def is_told(name: str, seed: int) -> bool:
+def is_told(name: str, seed: int, expected: Mapping[str, Told] = TOLD) -> bool:
     """Whether a fault is told as expected."""
-    truth, told = paper_rig(), TOLD[name]
+    truth, told = paper_rig(), expected[name]
     observations = FAULTS[name](truth, RECORDING, np.random.default_rng(seed))
     refused, words, findings = answer(seen_as(truth, observations))
     if not told.words:
         return not (refused or words or findings)
-    if refused != (told.stage if told.refused else ""):
+    if told.refused is not None and refused != (told.stage if told.refused else ""):
         return False
     right_cause = name not in CAUSES or (told.stage, CAUSES[name]) in findings
     return right_cause and any(re.search(told.words, line) for line in words)
@@ -105,15 +112,9 @@ def test_every_fault_is_told_in_20_rigs(name: str) -> None:
     (30, 10) and (10, 30) degrees of freedom. It stays below the limits of 8.8 and 4.6 (odds 5e-4
     without any fault) with odds of 0.10 and 0.02: of 20, more than six and more than three are
     missed with odds of 2e-3 and 8e-4. A target that is rolled is told by such a ratio too. A laser
-    that moved is told against offsets from the sheet, each view being one witness of ten: one in
-    ten is told without being refused, or one view off; more than six of 20 with odds of 2e-3."""
-    told = sum(is_told(name, seed) for seed in range(20))
-    missed = {
-        "defocus, camera": 6,
-        "defocus, plane": 3,
-        "bent target, rolled": 3,
-        "moved laser": 6,
-    }
+    that moved little may be told without being refused, or one view off, but it is told."""
+    told = sum(is_told(name, seed, TOLD_AT_LEAST) for seed in range(20))
+    missed = {"defocus, camera": 6, "defocus, plane": 3, "bent target, rolled": 3}
     assert told >= 20 - missed.get(name, 0)
 
 

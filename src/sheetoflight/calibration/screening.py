@@ -88,7 +88,8 @@ def screened(rig: Rig) -> Screened:
     rig = _weighed(rig, fit.noise, factors)
     fit = _joint_fit(rig)
     found = _screened_of_gross_errors(rig, fit) if fit is None else _judged(rig, fit)
-    return replace(found, findings=(*found.findings, *noisy))
+    others = (finding for finding in found.findings if finding.cause not in _NOISE_CAUSES)
+    return replace(found, findings=(*others, *noisy))
 
 
 def _noise_factors(scatter: Mapping[str, Scatter]) -> dict[str, float]:
