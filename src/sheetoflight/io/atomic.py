@@ -5,6 +5,8 @@ from __future__ import annotations
 import errno
 import os
 import secrets
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 from sheetoflight.errors import FileError, InputError
@@ -41,17 +43,39 @@ def write_whole(path: str | Path, data: bytes | str) -> None:
     InputError
         If the text holds characters that UTF-8 cannot say (halves of surrogate pairs).
     """
+    with written_whole(path) as beside:
+        beside.write_bytes(data.encode("utf-8") if isinstance(data, str) else data)
+
+
+@contextmanager
+def written_whole(path: str | Path) -> Iterator[Path]:
+    """An empty file beside the place of another, for a library that writes to a path itself.
+
+    ::
+
+        with written_whole("cloud.las") as beside:
+            points.write(beside)
+
+    What was written moves to its place when the block ends; if it ends by an exception, nothing
+    is left behind. Otherwise as `write_whole`.
+
+    Raises
+    ------
+    FileError
+        If the folder is missing, or the file cannot be written.
+    InputError
+        If text written within holds characters that UTF-8 cannot say.
+    """
     try:
-        content = data.encode("utf-8") if isinstance(data, str) else data
+        with _replaced(Path(os.path.realpath(path))) as beside:
+            yield beside
+    except InputError:
+        raise
     except UnicodeEncodeError as error:
         raise InputError(
             f"the text for {file_name(path)} holds characters that are no text",
             "check the names of views and files for broken characters",
         ) from error
-    try:
-        _replace(Path(os.path.realpath(path)), content)
-    except FileError:
-        raise
     except (OSError, ValueError) as error:
         number = error.errno if isinstance(error, OSError) else None
         reason = os.strerror(number) if number else str(error)
@@ -61,16 +85,16 @@ def write_whole(path: str | Path, data: bytes | str) -> None:
         ) from error
 
 
-def _replace(target: Path, content: bytes) -> None:
+@contextmanager
+def _replaced(target: Path) -> Iterator[Path]:
     beside = target.with_name(f".sheetoflight-{secrets.token_hex(8)}.tmp")
     mode = _mode_to_keep(target)
-    descriptor = os.open(beside, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o666)
+    os.close(os.open(beside, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o666))
     try:
-        with os.fdopen(descriptor, "wb") as file:
-            if mode is not None:
-                beside.chmod(mode)
-            file.write(content)
-            file.flush()
+        if mode is not None:
+            beside.chmod(mode)
+        yield beside
+        with beside.open("rb") as file:
             os.fsync(file.fileno())
         beside.replace(target)
     except BaseException:

@@ -10,6 +10,8 @@ import numpy as np
 
 from sheetoflight.errors import InputError
 from sheetoflight.geometry.directions import Array
+from sheetoflight.model import lens
+from sheetoflight.model.lens import CHUNK, Bent
 
 DISTORTION_MODELS: dict[str, tuple[str, ...]] = {
     "none": (),
@@ -18,9 +20,6 @@ DISTORTION_MODELS: dict[str, tuple[str, ...]] = {
     "brown": ("k1", "k2", "p1", "p2", "k3"),
 }
 """Coefficients that each distortion model estimates."""
-
-_NEWTON_STEPS = 50
-_CONVERGED = 1e-13
 
 
 @dataclass(frozen=True)
@@ -199,12 +198,29 @@ class Camera:
         NaN where the distortion has no inverse: the point lies beyond the lens model's turning
         point, so no ray of the model's own branch reaches it.
         """
-        uv = np.asarray(uv, dtype=float)
-        y = (uv[..., 1] - self.v0) / self.beta
-        x = (uv[..., 0] - self.u0 - self.gamma * y) / self.alpha
-        distorted = np.stack([x, y], axis=-1)
-        normal_xy = self._undistorted(distorted) if self.distorts else distorted
-        return np.concatenate([normal_xy, np.ones_like(normal_xy[..., :1])], axis=-1)
+        pixels = np.asarray(uv, dtype=float)
+        u, v = pixels[..., 0].ravel(), pixels[..., 1].ravel()
+        rays = np.ones((u.size, 3))
+        for start in range(0, u.size, CHUNK):
+            part = slice(start, start + CHUNK)
+            rays[part, 0], rays[part, 1] = self.ideal(u[part], v[part])[:2]
+        return rays.reshape(*pixels.shape[:-1], 3)
+
+    def seen(self, u: Array, v: Array) -> tuple[Array, Array]:
+        """Distorted normalised coordinates x' and y' of image points with u and v ``(N,)`` px."""
+        y = (v - self.v0) / self.beta
+        return (u - self.u0 - self.gamma * y) / self.alpha, y
+
+    def ideal(self, u: Array, v: Array) -> Bent:
+        """Ideal normalised coordinates of image points with u and v ``(N,)`` px, NaN beyond the
+        lens model's turning point, and the derivatives of the distorted ones by them.
+
+        All are new arrays; `CHUNK` points at a time are quickest.
+        """
+        x, y = self.seen(u, v)
+        if self.distorts:
+            return lens.undistorted(self.distortion, x, y)
+        return Bent(x, y, np.ones_like(x), np.zeros_like(x), np.ones_like(x))
 
     def unproject_with_jacobians(self, uv: Array) -> tuple[Array, Array, Array]:
         """`unproject`, and the derivatives of the rays' x and y.
@@ -221,58 +237,19 @@ class Camera:
         by_pixel = _inverse_2x2(by_point[..., :2])
         return rays, by_pixel, -by_pixel @ by_parameter
 
-    def _radial(self, r2: Array) -> tuple[Array, Array]:
-        k1, k2, _, _, k3 = self.distortion
-        factor = 1.0 + r2 * (k1 + r2 * (k2 + r2 * k3))
-        slope = k1 + r2 * (2.0 * k2 + r2 * 3.0 * k3)
-        return factor, slope
-
     def _distorted(self, normal_xy: Array) -> Array:
         x, y = normal_xy[..., 0], normal_xy[..., 1]
-        _, _, p1, p2, _ = self.distortion
-        r2 = x * x + y * y
-        factor, _ = self._radial(r2)
-        return np.stack(
-            [
-                factor * x + 2.0 * p1 * x * y + p2 * (r2 + 2.0 * x * x),
-                factor * y + p1 * (r2 + 2.0 * y * y) + 2.0 * p2 * x * y,
-            ],
-            axis=-1,
-        )
+        return np.stack(lens.distorted(self.distortion, x, y), axis=-1)
 
     def _distorted_with_jacobian(self, normal_xy: Array) -> tuple[Array, Array]:
         x, y = normal_xy[..., 0], normal_xy[..., 1]
-        _, _, p1, p2, _ = self.distortion
-        r2 = x * x + y * y
-        factor, slope = self._radial(r2)
-        xy2 = 2.0 * x * y
-
-        distorted = np.empty_like(normal_xy)
-        distorted[..., 0] = factor * x + p1 * xy2 + p2 * (r2 + 2.0 * x * x)
-        distorted[..., 1] = factor * y + p1 * (r2 + 2.0 * y * y) + p2 * xy2
-
+        image = lens.distorted_with_jacobian(self.distortion, x, y)
+        coordinates = np.empty_like(normal_xy)
+        coordinates[..., 0], coordinates[..., 1] = image.x, image.y
         by_normal = np.empty((*normal_xy.shape, 2))
-        by_normal[..., 0, 0] = factor + 2.0 * (slope * x * x + p1 * y + 3.0 * p2 * x)
-        by_normal[..., 0, 1] = slope * xy2 + 2.0 * (p1 * x + p2 * y)
-        by_normal[..., 1, 0] = by_normal[..., 0, 1]
-        by_normal[..., 1, 1] = factor + 2.0 * (slope * y * y + 3.0 * p1 * y + p2 * x)
-        return distorted, by_normal
-
-    def _undistorted(self, distorted: Array) -> Array:
-        """Newton's iteration from the centre outwards, with the analytic Jacobian."""
-        normal_xy = distorted.copy()
-        for _ in range(_NEWTON_STEPS):
-            image, by_normal = self._distorted_with_jacobian(normal_xy)
-            step = np.einsum("...ij,...j->...i", _inverse_2x2(by_normal), distorted - image)
-            normal_xy = normal_xy + step
-            if not np.any(np.abs(step) > _CONVERGED):
-                break
-        with np.errstate(invalid="ignore", over="ignore"):
-            image, by_normal = self._distorted_with_jacobian(normal_xy)
-            good = np.abs(image - distorted).max(axis=-1) < 1e-10
-            good &= np.linalg.det(by_normal) > 0
-            good &= by_normal[..., 0, 0] > 0
-        return np.where(good[..., None], normal_xy, np.nan)
+        by_normal[..., 0, 0], by_normal[..., 1, 1] = image.xx, image.yy
+        by_normal[..., 0, 1] = by_normal[..., 1, 0] = image.xy
+        return coordinates, by_normal
 
 
 _LINEAR_PARTS: dict[int, tuple[int, int | None]] = {

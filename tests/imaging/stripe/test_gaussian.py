@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 from scipy.special import ndtr
 
-from sheetoflight.imaging.stripe.gaussian import Track, fitted_centres
+from sheetoflight.imaging.stripe.centres import Track
+from sheetoflight.imaging.stripe.gaussian import fitted_centres
 from sheetoflight.imaging.stripe.light import line_light
 
 
@@ -17,9 +18,11 @@ def profile(centres, width, amplitude):
     return amplitude * width * np.sqrt(2.0 * np.pi) * (ndtr(right) - ndtr(left))
 
 
-def track_of(rows):
+def track_of(rows, width):
     along = np.arange(rows)
-    return Track(along, np.full(rows, 20.3), by_rows=True, slope=np.zeros(rows))
+    return Track(
+        along, np.full(rows, 20.3), by_rows=True, slope=np.zeros(rows), width=np.full(rows, width)
+    )
 
 
 @pytest.mark.parametrize("width", [0.8, 1.0, 2.0, 4.0])
@@ -30,7 +33,7 @@ def test_centres_reach_the_bound(width):
     centres = 20.0 + rng.uniform(-0.5, 0.5, 600)
     picture = profile(centres, width, 200.0) + rng.normal(0.0, 2.0, (600, 41))
     off = np.zeros_like(picture)
-    fit = fitted_centres(line_light(picture, off), track_of(600), width)
+    fit = fitted_centres(line_light(picture, off), track_of(600, width))
     assert fit.good.all()
     errors = fit.uv[:, 0] - centres
     bound = 1.062 * np.sqrt(width) * 2.0 / 200.0
@@ -42,7 +45,7 @@ def test_centres_reach_the_bound(width):
 def test_exact_profiles_give_the_exact_centre_width_and_height():
     centres = np.linspace(19.5, 20.5, 21)
     picture = profile(centres, 1.3, 150.0)
-    fit = fitted_centres(line_light(picture, np.zeros_like(picture)), track_of(21), 1.0)
+    fit = fitted_centres(line_light(picture, np.zeros_like(picture)), track_of(21, 1.0))
     assert np.allclose(fit.uv[:, 0], centres, atol=1e-3)
     assert np.allclose(fit.width, 1.3, atol=1e-3)
     assert np.allclose(fit.amplitude, 150.0, atol=0.1)
@@ -54,13 +57,13 @@ def test_full_samples_bound_the_light_from_below():
     clipped = np.clip(np.rint(profile(centres, 2.0, 700.0) + rng.normal(0, 2, (40, 41))), 0, 255)
     light = line_light(clipped.astype(np.uint8))
     assert light.full.any()
-    fit = fitted_centres(light, track_of(40), 2.0)
+    fit = fitted_centres(light, track_of(40, 2.0))
     assert np.abs(fit.uv[:, 0] - 20.2).max() < 0.05
 
 
 def test_a_row_without_light_is_not_good():
     rng = np.random.default_rng(9)
     picture = rng.normal(0.0, 2.0, (60, 41))
-    fit = fitted_centres(line_light(picture, np.zeros_like(picture)), track_of(60), 1.0)
+    fit = fitted_centres(line_light(picture, np.zeros_like(picture)), track_of(60, 1.0))
     significant = fit.good & (fit.amplitude > 6.0 * np.maximum(fit.amplitude_std, 2.0))
     assert not significant.any()

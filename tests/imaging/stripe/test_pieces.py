@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from sheetoflight.errors import InputError
-from sheetoflight.imaging.stripe.pieces import PieceOptions, line_pieces
+from sheetoflight.imaging.stripe.lines import LineOptions
+from sheetoflight.imaging.stripe.pieces import line_pieces
 from tests.imaging.stripe.drawn_lines import Strip, drawn, random_strip, recorded
 
 SHAPE = (220, 220)
@@ -293,4 +294,4 @@ def test_what_is_no_picture_is_refused(on, off, says):
 @pytest.mark.parametrize("value", [-1.0, float("nan")], ids=["negative", "nan"])
 def test_options_are_checked(value):
     with pytest.raises(InputError, match="seed_snr"):
-        PieceOptions(seed_snr=value)
+        LineOptions(seed_snr=value)

@@ -23,13 +23,26 @@ class Track:
     by_rows : bool
         Whether `along` counts rows and `across` columns, or the other way round.
     slope : (N,) array
-        Change of `across` from one to the next.
+        Absolute change of `across` from one to the next.
+    width : (N,) array
+        Rough standard deviation of the line's profile across the line, px.
     """
 
     along: NDArray[np.int64]
     across: Array
     by_rows: bool
     slope: Array
+    width: Array
+
+    @property
+    def cosine(self) -> Array:
+        """Length across the line of a step of 1 px along the row or column ``(N,)``."""
+        return 1.0 / np.sqrt(1.0 + self.slope**2)
+
+    def uv(self, across: Array) -> Array:
+        """Image points ``(N, 2)`` of centres in the track's rows or columns."""
+        pair = (across, self.along) if self.by_rows else (self.along, across)
+        return np.stack(pair, axis=-1).astype(float)
 
 
 @dataclass(frozen=True)
@@ -48,8 +61,10 @@ class Centres:
         Height of the line over its surroundings, grey levels.
     amplitude_std : (N,) array
         Standard uncertainty of the amplitude.
+    by_rows : (N,) bool array
+        Whether the centre is that of a row or that of a column.
     good : (N,) bool array
-        Whether the fit came to rest at a line.
+        Whether the detector came to rest at a line.
     """
 
     uv: Array
@@ -57,6 +72,7 @@ class Centres:
     width: Array
     amplitude: Array
     amplitude_std: Array
+    by_rows: NDArray[np.bool_]
     good: NDArray[np.bool_]
 
     def __len__(self) -> int:

@@ -23,7 +23,7 @@ _FIRST_DAMPING = 1e-3
 _WIDTHS = (0.3, 14.0)  # standard deviations that count as a line, px
 
 
-def fitted_centres(light: LineLight, track: Track, width: float) -> Centres:
+def fitted_centres(light: LineLight, track: Track) -> Centres:
     """Fit amplitude, centre, width and background in every row of the track.
 
     The model is ``b + A w √(2π) [Φ((x + ½ − c)/w) − Φ((x − ½ − c)/w)]``, plus a slope of the
@@ -34,11 +34,9 @@ def fitted_centres(light: LineLight, track: Track, width: float) -> Centres:
     ----------
     light : LineLight
     track : Track
-    width : float
-        Rough standard deviation of the line across itself, px.
     """
-    cosine = 1.0 / np.sqrt(1.0 + track.slope**2)
-    reach = width / float(np.median(cosine))
+    cosine = track.cosine
+    reach = float(np.median(track.width / cosine))
     half = int(np.clip(np.ceil(_HALF_WIDTH * reach + 1.0), *_SAMPLES))
     samples, full, weights, first = _windows(light, track, half)
     start = _start(samples, track.across - first, reach)
@@ -50,13 +48,13 @@ def fitted_centres(light: LineLight, track: Track, width: float) -> Centres:
     moved = np.abs(across - track.across)
     good = still & (fit[:, 0] > 0) & (moved < 1.5 * reach + 1.0)
     good &= (fit[:, 2] > _WIDTHS[0]) & (fit[:, 2] * cosine < _WIDTHS[1])
-    pair = (across, track.along) if track.by_rows else (track.along, across)
     return Centres(
-        uv=np.stack(pair, axis=-1).astype(float),
+        uv=track.uv(across),
         std=np.sqrt(covariance[:, 1, 1]) * cosine,
         width=fit[:, 2] * cosine,
         amplitude=fit[:, 0],
         amplitude_std=np.sqrt(covariance[:, 0, 0]),
+        by_rows=np.full(len(across), track.by_rows),
         good=good,
     )
 

@@ -29,8 +29,8 @@ _SIDE_SCALES, _LEAST_FALL = 2.5, 0.2
 # How far a line must stand out from its surroundings, in standard deviations of their answer,
 # and the size of the surroundings.
 _LEAST_OVER_TEXTURE = 4.0
-_SURROUNDINGS_PX, _SURROUNDINGS_SCALES = 24.0, 10.0
-_QUANTILE, _QUANTILE_TO_STD = 0.7, 1.0 / 1.0364
+_SURROUNDINGS_PX, _SURROUNDINGS_SCALES = 24.0, 20.0
+_QUANTILE, _QUANTILE_TO_STD = 0.6, 1.0 / 0.8416
 
 
 @dataclass(frozen=True)

@@ -27,11 +27,8 @@ _JUMP_PX = 2.0
 
 def centres_along(light: LineLight, ridges: Ridges, chain: NDArray[np.int64]) -> Centres:
     """Centres for all rows or columns that a chain of ridge pixels crosses, in its order."""
-    parts = [
-        fitted_centres(light, track, ridges.scale)
-        for track in _tracks(ridges.uv[chain], ridges.pixels[chain])
-    ]
-    return joined(parts)
+    tracks = _tracks(ridges.uv[chain], ridges.pixels[chain], ridges.scale)
+    return joined([fitted_centres(light, track) for track in tracks])
 
 
 def unbroken(centres: Centres, least_amplitude: float) -> list[Centres]:
@@ -57,7 +54,7 @@ def _plateau(amplitude: Array, bright: NDArray[np.bool_]) -> Array:
     return np.interp(np.arange(len(amplitude)), index, smooth)
 
 
-def _tracks(uv: Array, pixels: NDArray[np.int64]) -> list[Track]:
+def _tracks(uv: Array, pixels: NDArray[np.int64], width: float) -> list[Track]:
     """Runs of the chain that advance mainly by rows, and those that advance by columns."""
     step = np.gradient(uv, axis=0) if len(uv) > 1 else np.array([[0.0, 1.0]])
     smooth = uniform_filter1d(step, min(_DIRECTION_PIXELS, len(uv)), axis=0, mode="nearest")
@@ -66,15 +63,18 @@ def _tracks(uv: Array, pixels: NDArray[np.int64]) -> list[Track]:
     steep = median_filter(steep, size=min(_SIDE_PIXELS, len(steep)), mode="nearest")
     switches = np.flatnonzero(np.diff(steep)) + 1
     runs = np.split(np.arange(len(uv)), switches)
-    return [_track(uv[run], pixels[run], bool(steep[run[0]])) for run in runs]
+    return [_track(uv[run], pixels[run], bool(steep[run[0]]), width) for run in runs]
 
 
-def _track(uv: Array, pixels: NDArray[np.int64], by_rows: bool) -> Track:
+def _track(uv: Array, pixels: NDArray[np.int64], by_rows: bool, width: float) -> Track:
+    """The track of one run; rows or columns that it passes over are filled in."""
     axis = 1 if by_rows else 0
     forward = pixels[-1, axis] >= pixels[0, axis]
-    along, first = np.unique(pixels[:, axis], return_index=True)
+    seen, first = np.unique(pixels[:, axis], return_index=True)
+    along = np.arange(seen[0], seen[-1] + 1)
     across = np.interp(along, pixels[first, axis], uv[first, 1 - axis])
     smooth = uniform_filter1d(across, min(9, len(across)), mode="nearest")
     slope = np.gradient(smooth) if len(along) > 1 else np.zeros(1)
     order = slice(None) if forward else slice(None, None, -1)
-    return Track(along[order], across[order], by_rows, np.abs(slope[order]))
+    widths = np.full(len(along), width)
+    return Track(along[order], across[order], by_rows, np.abs(slope[order]), widths)
