@@ -6,6 +6,9 @@ centre, from the picture's own samples: nothing is interpolated.
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+from functools import cached_property
+
 import numpy as np
 from numpy.typing import NDArray
 from scipy.special import erf
@@ -14,6 +17,7 @@ from sheetoflight.geometry.directions import Array
 from sheetoflight.imaging.stripe.centres import Centres, Track
 from sheetoflight.imaging.stripe.light import LineLight
 from sheetoflight.imaging.stripe.noise import noise_law, redundancies
+from sheetoflight.imaging.stripe.pooling import Prior, no_prior, pooled
 
 _HALF_WIDTH = 4.0  # of the samples taken across the line, in standard deviations
 _SAMPLES = (3, 40)  # fewest and most samples on either side
@@ -41,9 +45,12 @@ def fitted_centres(light: LineLight, track: Track) -> Centres:
     samples, full, weights, first = _windows(light, track, half)
     start = _start(samples, track.across - first, reach)
     free = 4 if light.differenced else 5
-    fit, _, _ = _least_squares(samples, full, weights, start, free)
-    weights = weights / _noise(samples, full, weights, fit, free, light.least_std)
-    fit, covariance, still = _least_squares(samples, full, weights, fit, free)
+    unknown = no_prior(len(start))
+    rows = _Rows(samples, full, weights)
+    fit, _, _ = _least_squares(rows, start, unknown, free)
+    rows = _Rows(samples, full, weights / _noise(rows, fit, free, light.least_std))
+    fit, covariance, still = _least_squares(rows, fit, unknown, free)
+    fit, covariance, still = _least_squares(rows, fit, pooled(fit, covariance, still), free)
     across = fit[:, 1] + first
     moved = np.abs(across - track.across)
     good = still & (fit[:, 0] > 0) & (moved < 1.5 * reach + 1.0)
@@ -57,6 +64,20 @@ def fitted_centres(light: LineLight, track: Track) -> Centres:
         by_rows=np.full(len(across), track.by_rows),
         good=good,
     )
+
+
+@dataclass(frozen=True)
+class _Rows:
+    """Samples ``(N, K)`` across the line, whether the sensor was full, and square roots of weights
+    (0 outside the picture)."""
+
+    samples: Array
+    full: NDArray[np.bool_]
+    weights: Array
+
+    @cached_property
+    def x(self) -> Array:
+        return np.arange(self.samples.shape[1], dtype=float)
 
 
 def _windows(
@@ -100,7 +121,7 @@ def _model(parameters: Array, x: Array) -> tuple[Array, Array]:
 
 
 def _least_squares(
-    samples: Array, full: NDArray[np.bool_], weights: Array, start: Array, free: int
+    rows: _Rows, start: Array, prior: Prior, free: int
 ) -> tuple[Array, Array, NDArray[np.bool_]]:
     """Levenberg–Marquardt on all rows at once.
 
@@ -109,10 +130,8 @@ def _least_squares(
     parameters : (N, 5), covariance : (N, P, P), still : (N,) bool
         Whether the last step was short.
     """
-    x = np.arange(samples.shape[1], dtype=float)
     parameters, damping = start.copy(), np.full(len(start), _FIRST_DAMPING)
-    residuals, normal, gradient = _normal_equations(parameters, x, samples, full, weights, free)
-    cost = np.sum(residuals**2, axis=1)
+    cost, normal, gradient = _normal_equations(parameters, rows, prior, free)
     still = np.zeros(len(start), dtype=bool)
     for _ in range(_STEPS):
         diagonal = np.einsum("nii->ni", normal)
@@ -120,13 +139,12 @@ def _least_squares(
         step = np.linalg.solve(damped, gradient[..., None])[..., 0]
         trial = parameters.copy()
         trial[:, :free] += step
-        trial[:, 2] = np.clip(trial[:, 2], 0.2, 2.0 * samples.shape[1])
-        trial[:, 1] = np.clip(trial[:, 1], 0.0, samples.shape[1] - 1.0)
-        found = _normal_equations(trial, x, samples, full, weights, free)
-        new_cost = np.sum(found[0] ** 2, axis=1)
-        better = new_cost <= cost
+        trial[:, 2] = np.clip(trial[:, 2], 0.2, 2.0 * len(rows.x))
+        trial[:, 1] = np.clip(trial[:, 1], 0.0, len(rows.x) - 1.0)
+        found = _normal_equations(trial, rows, prior, free)
+        better = found[0] <= cost
         still = np.abs(step[:, 1]) < _CONVERGED_PX
-        parameters[better], cost[better] = trial[better], new_cost[better]
+        parameters[better], cost[better] = trial[better], found[0][better]
         normal[better], gradient[better] = found[1][better], found[2][better]
         damping = np.where(better, damping * 0.2, damping * 10.0)
         if still.all():
@@ -137,35 +155,29 @@ def _least_squares(
 
 
 def _normal_equations(
-    parameters: Array,
-    x: Array,
-    samples: Array,
-    full: NDArray[np.bool_],
-    weights: Array,
-    free: int,
+    parameters: Array, rows: _Rows, prior: Prior, free: int
 ) -> tuple[Array, Array, Array]:
-    model, derivatives = _model(parameters, x)
+    """Sums of squares ``(N,)``, normal matrices ``(N, P, P)`` and downhill gradients ``(N, P)``."""
+    model, derivatives = _model(parameters, rows.x)
     # A full sample says only that the light was at least as bright.
-    weights = weights * ~(full & (model > samples))
-    residuals = weights * (samples - model)
+    weights = rows.weights * ~(rows.full & (model > rows.samples))
+    residuals = weights * (rows.samples - model)
     jacobian = weights[..., None] * derivatives[..., :free]
-    transposed = np.swapaxes(jacobian, 1, 2)
-    return residuals, transposed @ jacobian, np.einsum("nkp,nk->np", jacobian, residuals)
+    normal = np.swapaxes(jacobian, 1, 2) @ jacobian
+    gradient = np.einsum("nkp,nk->np", jacobian, residuals)
+    surprise = prior.mean[:, :free] - parameters[:, :free]
+    np.einsum("nii->ni", normal)[...] += prior.information[:, :free]
+    gradient += prior.information[:, :free] * surprise
+    cost = np.sum(residuals**2, axis=1) + np.sum(prior.information[:, :free] * surprise**2, axis=1)
+    return cost, normal, gradient
 
 
-def _noise(
-    samples: Array,
-    full: NDArray[np.bool_],
-    weights: Array,
-    fit: Array,
-    free: int,
-    least_std: float,
-) -> Array:
+def _noise(rows: _Rows, fit: Array, free: int, least_std: float) -> Array:
     """Standard deviation ``(N, K)`` of the samples by the noise law that the fits show."""
-    model, derivatives = _model(fit, np.arange(samples.shape[1], dtype=float))
+    model, derivatives = _model(fit, rows.x)
     light = fit[:, :1] * derivatives[..., 0]
-    used = (weights > 0) & ~(full & (model > samples))
+    used = (rows.weights > 0) & ~(rows.full & (model > rows.samples))
     jacobian = used[..., None] * derivatives[..., :free]
     redundancy = redundancies(jacobian, np.swapaxes(jacobian, 1, 2) @ jacobian)
-    law = noise_law((samples - model)[used], light[used], redundancy[used], least_std)
+    law = noise_law((rows.samples - model)[used], light[used], redundancy[used], least_std)
     return law.std(light)
