@@ -11,7 +11,6 @@ import numpy as np
 from sheetoflight.errors import InputError
 from sheetoflight.geometry.directions import Array
 from sheetoflight.model import lens
-from sheetoflight.model.lens import CHUNK, Bent
 
 DISTORTION_MODELS: dict[str, tuple[str, ...]] = {
     "none": (),
@@ -200,10 +199,11 @@ class Camera:
         """
         pixels = np.asarray(uv, dtype=float)
         u, v = pixels[..., 0].ravel(), pixels[..., 1].ravel()
-        rays = np.ones((u.size, 3))
-        for start in range(0, u.size, CHUNK):
-            part = slice(start, start + CHUNK)
-            rays[part, 0], rays[part, 1] = self.ideal(u[part], v[part])[:2]
+        rays, room = np.ones((u.size, 3)), np.empty((lens.ROOM, min(u.size, lens.CHUNK)))
+        for start in range(0, u.size, lens.CHUNK):
+            part = slice(start, start + lens.CHUNK)
+            x, y = self.seen(u[part], v[part])
+            rays[part, 0], rays[part, 1] = self.ideal(x, y, room[:, : x.size])[:2]
         return rays.reshape(*pixels.shape[:-1], 3)
 
     def seen(self, u: Array, v: Array) -> tuple[Array, Array]:
@@ -211,16 +211,14 @@ class Camera:
         y = (v - self.v0) / self.beta
         return (u - self.u0 - self.gamma * y) / self.alpha, y
 
-    def ideal(self, u: Array, v: Array) -> Bent:
-        """Ideal normalised coordinates of image points with u and v ``(N,)`` px, NaN beyond the
-        lens model's turning point, and the derivatives of the distorted ones by them.
+    def ideal(self, x: Array, y: Array, room: Array | None = None) -> lens.Bent:
+        """Ideal normalised coordinates of distorted ones ``(N,)``, with derivatives.
 
-        All are new arrays; `CHUNK` points at a time are quickest.
+        See `sheetoflight.model.lens.undistorted`.
         """
-        x, y = self.seen(u, v)
         if self.distorts:
-            return lens.undistorted(self.distortion, x, y)
-        return Bent(x, y, np.ones_like(x), np.zeros_like(x), np.ones_like(x))
+            return lens.undistorted(self.distortion, x, y, room)
+        return lens.Bent(x, y, np.ones_like(x), np.zeros_like(x), np.ones_like(x))
 
     def unproject_with_jacobians(self, uv: Array) -> tuple[Array, Array, Array]:
         """`unproject`, and the derivatives of the rays' x and y.

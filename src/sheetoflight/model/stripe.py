@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -77,10 +77,44 @@ class Stripe:
 
     def taken(self, index: NDArray[np.int64] | NDArray[np.bool_]) -> Stripe:
         """Some of the centres."""
-        chosen = {name: getattr(self, name)[index] for name in _PER_CENTRE}
-        return Stripe(
-            **chosen, noise_std=self.noise_std, detector=self.detector, reason=self.reason
-        )
+        return replace(self, **{name: getattr(self, name)[index] for name in _PER_CENTRE})
+
+    def with_lines(self, line: NDArray[np.int64]) -> Stripe:
+        """The same centres, each said to belong to another line."""
+        return replace(self, line=line)
 
 
 _PER_CENTRE = ("uv", "std", "width", "peak", "across", "line", "good")
+
+
+def no_stripe(noise_std: float, detector: str, reason: str) -> Stripe:
+    """The stripe of a picture without a line."""
+    none, pairs = np.empty(0), np.empty((0, 2))
+    return Stripe(
+        uv=pairs,
+        std=none,
+        width=none,
+        peak=none,
+        across=pairs,
+        line=np.empty(0, dtype=np.int64),
+        good=np.empty(0, dtype=bool),
+        noise_std=noise_std,
+        detector=detector,
+        reason=reason,
+    )
+
+
+def joined_lines(nothing: Stripe, lines: list[Stripe]) -> Stripe:
+    """Stripes of one line each as one stripe, the lines numbered in their order.
+
+    Parameters
+    ----------
+    nothing : Stripe
+        What is joined to, for what all centres share.
+    lines : list of Stripe
+    """
+    parts = [nothing, *(one.with_lines(np.full(len(one), i)) for i, one in enumerate(lines))]
+    return replace(
+        nothing,
+        **{name: np.concatenate([getattr(one, name) for one in parts]) for name in _PER_CENTRE},
+    )

@@ -9,6 +9,7 @@ from scipy.special import ndtr
 from sheetoflight.imaging.stripe.centres import Track
 from sheetoflight.imaging.stripe.gaussian import fitted_centres
 from sheetoflight.imaging.stripe.light import line_light
+from sheetoflight.imaging.stripe.noise import UNKNOWN_NOISE
 
 
 def profile(centres, width, amplitude):
@@ -19,9 +20,14 @@ def profile(centres, width, amplitude):
 
 
 def track_of(rows, width):
-    along = np.arange(rows)
     return Track(
-        along, np.full(rows, 20.3), by_rows=True, slope=np.zeros(rows), width=np.full(rows, width)
+        along=np.arange(rows),
+        across=np.full(rows, 20.3),
+        by_rows=True,
+        slope=np.zeros(rows),
+        width=np.full(rows, width),
+        amplitude=np.ones(rows),
+        law=UNKNOWN_NOISE,
     )
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from sheetoflight.imaging.stripe.light import line_light
 from sheetoflight.imaging.stripe.linking import linked
 from sheetoflight.imaging.stripe.ridges import ridges, ridges_at
 from tests.imaging.stripe.drawn_lines import Strip, drawn
@@ -30,14 +31,14 @@ def test_strength_is_the_amplitude_of_a_line_as_wide_as_the_smoothing():
 def test_the_scale_follows_the_line_s_width(sheet, scale):
     """A line of width w answers with s² w / (w² + s²)^1.5, most where s = √2 w."""
     line = Strip((40.0, 60.0), (360.0, 300.0), sheet=sheet, blur=0.4)
-    assert ridges(drawn((400, 400), line).astype(np.float32), 10.0).scale == scale
+    assert ridges(line_light(drawn((400, 400), line)), 10.0).scale == scale
 
 
 @pytest.mark.parametrize("degrees", [0, 20, 45, 70, 90, 135, 160])
 def test_a_line_is_one_chain_from_end_to_end(degrees):
     along = np.array([np.cos(np.radians(degrees)), np.sin(np.radians(degrees))])
     first, second = ((float(80 + r * along[0]), float(80 + r * along[1])) for r in (-60, 60))
-    found = ridges(picture(Strip(first, second)), 10.0)
+    found = ridges(line_light(picture(Strip(first, second))), 10.0)
     (chain,) = linked(found, 60.0, 6)
     length = np.linalg.norm(found.uv[chain[-1]] - found.uv[chain[0]])
     assert abs(length - 120.0) < 6.0
@@ -48,7 +49,7 @@ def test_a_line_is_one_chain_from_end_to_end(degrees):
 def test_crossing_lines_go_straight_on():
     """No chain turns the corner from one line to the other."""
     first, second = Strip((20.0, 40.0), (140.0, 120.0)), Strip((20.0, 120.0), (140.0, 40.0))
-    found = ridges(picture(first, second), 10.0)
+    found = ridges(line_light(picture(first, second)), 10.0)
     for chain in linked(found, 60.0, 6):
         distances = []
         for line in (first, second):
@@ -59,4 +60,4 @@ def test_crossing_lines_go_straight_on():
 
 def test_a_step_is_no_ridge():
     step = np.where(np.indices(SHAPE)[1] < 80, 20.0, 180.0).astype(np.float32)
-    assert len(ridges(step, 3.0)) == 0
+    assert len(ridges(line_light(step), 3.0)) == 0

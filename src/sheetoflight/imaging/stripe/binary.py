@@ -40,7 +40,7 @@ def binary_line(image_on: NDArray[Any], image_off: NDArray[Any] | None = None) -
     least = _LEAST_SNR * light.noise_std
     if min(light.picture.shape) < 8 or least == 0.0:
         return np.zeros(light.picture.shape, dtype=bool)
-    strength = ridges(light.picture, least).strength
+    strength = ridges(light, least).strength
     if len(strength) == 0:
         return np.zeros(light.picture.shape, dtype=bool)
     excess = light.picture if light.differenced else light.picture - local_background(light.picture)

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sheetoflight.geometry.directions import Array
+from sheetoflight.imaging.stripe.noise import NoiseLaw
 
 
 @dataclass(frozen=True)
@@ -26,6 +27,10 @@ class Track:
         Absolute change of `across` from one to the next.
     width : (N,) array
         Rough standard deviation of the line's profile across the line, px.
+    amplitude : (N,) array
+        Rough height of the line over its surroundings, grey levels.
+    law : NoiseLaw
+        Noise of the samples about the line.
     """
 
     along: NDArray[np.int64]
@@ -33,6 +38,8 @@ class Track:
     by_rows: bool
     slope: Array
     width: Array
+    amplitude: Array
+    law: NoiseLaw
 
     @property
     def cosine(self) -> Array:
@@ -46,8 +53,27 @@ class Track:
 
 
 @dataclass(frozen=True)
+class Located:
+    """What a detector found along a track.
+
+    Parameters
+    ----------
+    uv : (N, 2) array
+        Centres, px.
+    std : (N,) array
+        Standard uncertainty of each centre across the line, px.
+    good : (N,) bool array
+        Whether the detector came to rest at a line.
+    """
+
+    uv: Array
+    std: Array
+    good: NDArray[np.bool_]
+
+
+@dataclass(frozen=True)
 class Centres:
-    """What a detector found along a track; arrays ``(N,)`` of one value for each centre.
+    """Least-squares fits of Gaussians along a track; arrays ``(N,)`` of one value for each centre.
 
     Parameters
     ----------
@@ -61,6 +87,8 @@ class Centres:
         Height of the line over its surroundings, grey levels.
     amplitude_std : (N,) array
         Standard uncertainty of the amplitude.
+    dark_variance, variance_per_level : (N,) arrays
+        Noise law of the samples about the centre, see `NoiseLaw`.
     by_rows : (N,) bool array
         Whether the centre is that of a row or that of a column.
     good : (N,) bool array
@@ -72,6 +100,8 @@ class Centres:
     width: Array
     amplitude: Array
     amplitude_std: Array
+    dark_variance: Array
+    variance_per_level: Array
     by_rows: NDArray[np.bool_]
     good: NDArray[np.bool_]
 

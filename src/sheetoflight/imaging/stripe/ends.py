@@ -80,6 +80,24 @@ class _Curve:
         return direction / np.linalg.norm(direction)
 
 
+def line_ends(
+    light: LineLight, centres: Centres, others: Array
+) -> tuple[LineEnd, LineEnd, NDArray[np.bool_]]:
+    """Both ends of a piece, and which of its centres ``(N,)`` neither of them touches.
+
+    The fall of light at an oblique end moves the centres of the rows or columns that it crosses:
+    the bend at both ends of the paper's Fig. 8.
+    """
+    last = line_end(light, centres, others)
+    first = line_end(light, centres.taken(slice(None, None, -1)), others)
+    return first, last, _clear_of(first, centres) & _clear_of(last, centres)
+
+
+def _clear_of(end: LineEnd, centres: Centres) -> NDArray[np.bool_]:
+    """Centres whose rows or columns the fall of light at the end does not touch."""
+    return (centres.uv - end.uv) @ end.direction <= -end.reach
+
+
 def line_end(light: LineLight, centres: Centres, others: Array) -> LineEnd:
     """The end at the last of the centres.
 

@@ -6,18 +6,18 @@ centre, from the picture's own samples: nothing is interpolated.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from functools import cached_property
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.special import erf
 
 from sheetoflight.geometry.directions import Array
-from sheetoflight.imaging.stripe.centres import Centres, Track
+from sheetoflight.imaging.stripe.centres import Centres, Located, Track
 from sheetoflight.imaging.stripe.light import LineLight
-from sheetoflight.imaging.stripe.noise import noise_law, redundancies
+from sheetoflight.imaging.stripe.noise import NoiseLaw, noise_law, redundancies
 from sheetoflight.imaging.stripe.pooling import Prior, no_prior, pooled
+from sheetoflight.imaging.stripe.rows import Rows, rows_about
 
 _HALF_WIDTH = 4.0  # of the samples taken across the line, in standard deviations
 _SAMPLES = (3, 40)  # fewest and most samples on either side
@@ -25,6 +25,12 @@ _STEPS = 20
 _CONVERGED_PX = 1e-3
 _FIRST_DAMPING = 1e-3
 _WIDTHS = (0.3, 14.0)  # standard deviations that count as a line, px
+
+
+def gaussian_centres(light: LineLight, track: Track) -> Located:
+    """Centres of `fitted_centres`."""
+    fit = fitted_centres(light, track)
+    return Located(fit.uv, fit.std, fit.good)
 
 
 def fitted_centres(light: LineLight, track: Track) -> Centres:
@@ -42,16 +48,16 @@ def fitted_centres(light: LineLight, track: Track) -> Centres:
     cosine = track.cosine
     reach = float(np.median(track.width / cosine))
     half = int(np.clip(np.ceil(_HALF_WIDTH * reach + 1.0), *_SAMPLES))
-    samples, full, weights, first = _windows(light, track, half)
-    start = _start(samples, track.across - first, reach)
+    rows = rows_about(light, track, half)
+    start = _start(rows.samples, track.across - rows.first, reach)
     free = 4 if light.differenced else 5
     unknown = no_prior(len(start))
-    rows = _Rows(samples, full, weights)
     fit, _, _ = _least_squares(rows, start, unknown, free)
-    rows = _Rows(samples, full, weights / _noise(rows, fit, free, light.least_std))
+    law, std = _noise(rows, fit, free, light.least_std)
+    rows = replace(rows, weights=rows.weights / std)
     fit, covariance, still = _least_squares(rows, fit, unknown, free)
     fit, covariance, still = _least_squares(rows, fit, pooled(fit, covariance, still), free)
-    across = fit[:, 1] + first
+    across = fit[:, 1] + rows.first
     moved = np.abs(across - track.across)
     good = still & (fit[:, 0] > 0) & (moved < 1.5 * reach + 1.0)
     good &= (fit[:, 2] > _WIDTHS[0]) & (fit[:, 2] * cosine < _WIDTHS[1])
@@ -61,36 +67,11 @@ def fitted_centres(light: LineLight, track: Track) -> Centres:
         width=fit[:, 2] * cosine,
         amplitude=fit[:, 0],
         amplitude_std=np.sqrt(covariance[:, 0, 0]),
+        dark_variance=np.full(len(across), law.dark_variance),
+        variance_per_level=np.full(len(across), law.variance_per_level),
         by_rows=np.full(len(across), track.by_rows),
         good=good,
     )
-
-
-@dataclass(frozen=True)
-class _Rows:
-    """Samples ``(N, K)`` across the line, whether the sensor was full, and square roots of weights
-    (0 outside the picture)."""
-
-    samples: Array
-    full: NDArray[np.bool_]
-    weights: Array
-
-    @cached_property
-    def x(self) -> Array:
-        return np.arange(self.samples.shape[1], dtype=float)
-
-
-def _windows(
-    light: LineLight, track: Track, half: int
-) -> tuple[Array, NDArray[np.bool_], Array, Array]:
-    """Samples ``(N, 2 half + 1)`` about the rough centres; weight 0 outside the picture."""
-    picture = light.picture if track.by_rows else light.picture.T
-    full = light.full if track.by_rows else light.full.T
-    first = np.rint(track.across).astype(np.int64) - half
-    columns = first[:, None] + np.arange(2 * half + 1)
-    inside = (columns >= 0) & (columns < picture.shape[1])
-    index = (track.along[:, None], np.clip(columns, 0, picture.shape[1] - 1))
-    return picture[index].astype(float), full[index], inside.astype(float), first.astype(float)
 
 
 def _start(samples: Array, centre: Array, width: float) -> Array:
@@ -121,7 +102,7 @@ def _model(parameters: Array, x: Array) -> tuple[Array, Array]:
 
 
 def _least_squares(
-    rows: _Rows, start: Array, prior: Prior, free: int
+    rows: Rows, start: Array, prior: Prior, free: int
 ) -> tuple[Array, Array, NDArray[np.bool_]]:
     """Levenberg–Marquardt on all rows at once.
 
@@ -155,7 +136,7 @@ def _least_squares(
 
 
 def _normal_equations(
-    parameters: Array, rows: _Rows, prior: Prior, free: int
+    parameters: Array, rows: Rows, prior: Prior, free: int
 ) -> tuple[Array, Array, Array]:
     """Sums of squares ``(N,)``, normal matrices ``(N, P, P)`` and downhill gradients ``(N, P)``."""
     model, derivatives = _model(parameters, rows.x)
@@ -172,12 +153,12 @@ def _normal_equations(
     return cost, normal, gradient
 
 
-def _noise(rows: _Rows, fit: Array, free: int, least_std: float) -> Array:
-    """Standard deviation ``(N, K)`` of the samples by the noise law that the fits show."""
+def _noise(rows: Rows, fit: Array, free: int, least_std: float) -> tuple[NoiseLaw, Array]:
+    """The noise law that the fits show, and each sample's standard deviation ``(N, K)`` by it."""
     model, derivatives = _model(fit, rows.x)
     light = fit[:, :1] * derivatives[..., 0]
     used = (rows.weights > 0) & ~(rows.full & (model > rows.samples))
     jacobian = used[..., None] * derivatives[..., :free]
     redundancy = redundancies(jacobian, np.swapaxes(jacobian, 1, 2) @ jacobian)
     law = noise_law((rows.samples - model)[used], light[used], redundancy[used], least_std)
-    return law.std(light)
+    return law, law.std(light)

@@ -42,6 +42,8 @@ class LineLight:
         What rounding to whole grey levels alone gives, grey levels.
     differenced : bool
         Whether the background has been taken away by a picture without the laser.
+    wanted : (H, W) bool array, optional
+        Where lines are looked for; everywhere where absent.
     """
 
     picture: Picture
@@ -49,6 +51,15 @@ class LineLight:
     noise_std: float
     least_std: float
     differenced: bool
+    wanted: NDArray[np.bool_] | None = None
+
+    def wants(self, uv: NDArray[Any]) -> NDArray[np.bool_]:
+        """Whether lines are looked for at image points ``(N, 2)``, px."""
+        if self.wanted is None:
+            return np.ones(len(uv), dtype=bool)
+        height, width = self.wanted.shape
+        columns, rows = np.rint(uv).astype(np.int64).T
+        return self.wanted[np.clip(rows, 0, height - 1), np.clip(columns, 0, width - 1)]
 
 
 def line_light(image_on: NDArray[Any], image_off: NDArray[Any] | None = None) -> LineLight:

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from sheetoflight.errors import InputError
+from sheetoflight.geometry.directions import Array
 from sheetoflight.imaging.stripe.bridging import bridged
 from sheetoflight.imaging.stripe.centres import Centres
 from sheetoflight.imaging.stripe.light import LineLight
@@ -65,7 +66,7 @@ def found_lines(light: LineLight, options: LineOptions) -> list[Centres]:
     if min(light.picture.shape) < _LEAST_PICTURE_PX or light.noise_std == 0.0:
         return []
     least = options.least_snr * light.noise_std
-    found = ridges(light.picture, least)
+    found = ridges(light, least)
     if len(found) == 0:
         return []
     part = options.least_contrast if light.differenced else options.least_contrast_single
@@ -80,6 +81,12 @@ def found_lines(light: LineLight, options: LineOptions) -> list[Centres]:
         for run in unbroken(centres_along(light, found, chain), seed / 2.0)
         if np.median(run.amplitude) >= seed and _is_line(run, options)
     ]
+
+
+def other_centres(runs: list[Centres], index: int) -> Array:
+    """Centres ``(M, 2)`` of all runs but one, px."""
+    others = [run.uv for i, run in enumerate(runs) if i != index]
+    return np.concatenate([np.empty((0, 2)), *others])
 
 
 def _is_line(run: Centres, options: LineOptions) -> bool:

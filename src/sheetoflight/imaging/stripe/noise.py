@@ -28,9 +28,17 @@ class NoiseLaw:
     dark_variance: float
     variance_per_level: float
 
+    def variance(self, light: Array) -> Array:
+        """Variance of samples that the laser lights with so many grey levels."""
+        return self.dark_variance + self.variance_per_level * np.maximum(light, 0.0)
+
     def std(self, light: Array) -> Array:
         """Standard deviation of samples that the laser lights with so many grey levels."""
-        return np.sqrt(self.dark_variance + self.variance_per_level * np.maximum(light, 0.0))
+        return np.sqrt(self.variance(light))
+
+
+UNKNOWN_NOISE = NoiseLaw(1.0, 0.0)
+"""One grey level everywhere, where nothing is known yet."""
 
 
 def noise_law(residuals: Array, light: Array, redundancy: Array, least_std: float) -> NoiseLaw:

@@ -9,9 +9,9 @@ from numpy.typing import NDArray
 
 from sheetoflight.geometry.directions import Array
 from sheetoflight.imaging.stripe.centres import Centres
-from sheetoflight.imaging.stripe.ends import LineEnd, line_end
+from sheetoflight.imaging.stripe.ends import line_ends
 from sheetoflight.imaging.stripe.light import LineLight, line_light
-from sheetoflight.imaging.stripe.lines import LineOptions, found_lines
+from sheetoflight.imaging.stripe.lines import LineOptions, found_lines, other_centres
 from sheetoflight.model.line_piece import LinePiece
 
 _LEAST_CENTRES = 5
@@ -48,20 +48,13 @@ def line_pieces(
     options = options or LineOptions()
     light = line_light(image_on, image_off)
     runs = found_lines(light, options)
-    pieces = [_piece(light, run, _all_but(runs, i)) for i, run in enumerate(runs)]
+    pieces = [_piece(light, run, other_centres(runs, i)) for i, run in enumerate(runs)]
     long_enough = [piece for piece in pieces if len(piece) >= _LEAST_CENTRES]
     return tuple(sorted(long_enough, key=lambda piece: (piece.ends[0, 1], piece.ends[0, 0])))
 
 
-def _all_but(runs: list[Centres], index: int) -> Array:
-    others = [run.uv for i, run in enumerate(runs) if i != index]
-    return np.concatenate([np.empty((0, 2)), *others])
-
-
 def _piece(light: LineLight, run: Centres, others: Array) -> LinePiece:
-    last = line_end(light, run, others)
-    first = line_end(light, run.taken(slice(None, None, -1)), others)
-    inner = _clear_of(first, run) & _clear_of(last, run)
+    first, last, inner = line_ends(light, run, others)
     return LinePiece(
         uv=run.uv[inner],
         std=run.std[inner],
@@ -69,8 +62,3 @@ def _piece(light: LineLight, run: Centres, others: Array) -> LinePiece:
         ends_std=np.array([first.std, last.std]),
         whole=first.seen and last.seen,
     )
-
-
-def _clear_of(end: LineEnd, run: Centres) -> NDArray[np.bool_]:
-    """Centres whose rows or columns the fall of light at the end does not touch."""
-    return (run.uv - end.uv) @ end.direction <= -end.reach

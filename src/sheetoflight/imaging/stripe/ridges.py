@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from scipy.ndimage import median_filter
 
 from sheetoflight.geometry.directions import Array
-from sheetoflight.imaging.stripe.light import Picture
+from sheetoflight.imaging.stripe.light import LineLight, Picture
 
 # Standard deviations of the smoothing, px. A line of standard deviation w answers with at least
 # 0.79 of its amplitude at the nearest of them for w from 0.7 to 8 px.
@@ -71,7 +71,7 @@ class Ridges:
         )
 
 
-def ridges(picture: Picture, least_strength: float) -> Ridges:
+def ridges(light: LineLight, least_strength: float) -> Ridges:
     """Ridge pixels at the scale at which the picture's brightest lines answer most.
 
     C. Steger, "An unbiased detector of curvilinear structures", IEEE PAMI 20(2), 1998:
@@ -80,12 +80,13 @@ def ridges(picture: Picture, least_strength: float) -> Ridges:
 
     Parameters
     ----------
-    picture : (H, W) float32 array
+    light : LineLight
     least_strength : float
         Amplitude of the faintest line of interest, grey levels.
     """
-    brightest = max(picture.shape) // 4
-    found = [ridges_at(picture, scale, least_strength) for scale in SCALES]
+    brightest = max(light.picture.shape) // 4
+    found = [ridges_at(light.picture, scale, least_strength) for scale in SCALES]
+    found = [one.taken(light.wants(one.pixels)) for one in found]
     return max(found, key=lambda one: float(np.sum(np.sort(one.strength)[-brightest:])))
 
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import median_filter, uniform_filter1d
@@ -10,6 +12,7 @@ from sheetoflight.geometry.directions import Array
 from sheetoflight.imaging.stripe.centres import Centres, Track, joined
 from sheetoflight.imaging.stripe.gaussian import fitted_centres
 from sheetoflight.imaging.stripe.light import LineLight
+from sheetoflight.imaging.stripe.noise import UNKNOWN_NOISE, NoiseLaw
 from sheetoflight.imaging.stripe.ridges import Ridges
 
 _DIRECTION_PIXELS = 15
@@ -28,7 +31,32 @@ _JUMP_PX = 2.0
 def centres_along(light: LineLight, ridges: Ridges, chain: NDArray[np.int64]) -> Centres:
     """Centres for all rows or columns that a chain of ridge pixels crosses, in its order."""
     tracks = _tracks(ridges.uv[chain], ridges.pixels[chain], ridges.scale)
-    return joined([fitted_centres(light, track) for track in tracks])
+    centres = joined([fitted_centres(light, track) for track in tracks])
+    return replace(centres, good=centres.good & light.wants(centres.uv))
+
+
+def tracks_of(run: Centres) -> list[Track]:
+    """Tracks through centres that were found, with what is known of the line there."""
+    switches = np.flatnonzero(np.diff(run.by_rows)) + 1
+    parts = np.split(np.arange(len(run)), switches)
+    return [_known_track(run.taken(part)) for part in parts]
+
+
+def _known_track(run: Centres) -> Track:
+    by_rows = bool(run.by_rows[0])
+    along, across = run.uv.T[::-1] if by_rows else run.uv.T
+    size = min(_DIRECTION_PIXELS, len(run))
+    slope = np.gradient(across, along) if len(run) > 1 else np.zeros(1)
+    smooth = uniform_filter1d(median_filter(slope, size, mode="nearest"), size, mode="nearest")
+    return Track(
+        np.rint(along).astype(np.int64),
+        across,
+        by_rows,
+        np.abs(smooth),
+        width=median_filter(run.width, size, mode="nearest"),
+        amplitude=median_filter(run.amplitude, size, mode="nearest"),
+        law=NoiseLaw(float(run.dark_variance.mean()), float(run.variance_per_level.mean())),
+    )
 
 
 def unbroken(centres: Centres, least_amplitude: float) -> list[Centres]:
@@ -76,5 +104,12 @@ def _track(uv: Array, pixels: NDArray[np.int64], by_rows: bool, width: float) ->
     smooth = uniform_filter1d(across, min(9, len(across)), mode="nearest")
     slope = np.gradient(smooth) if len(along) > 1 else np.zeros(1)
     order = slice(None) if forward else slice(None, None, -1)
-    widths = np.full(len(along), width)
-    return Track(along[order], across[order], by_rows, np.abs(slope[order]), widths)
+    return Track(
+        along[order],
+        across[order],
+        by_rows,
+        np.abs(slope[order]),
+        width=np.full(len(along), width),
+        amplitude=np.ones(len(along)),
+        law=UNKNOWN_NOISE,
+    )

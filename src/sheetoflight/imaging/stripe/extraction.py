@@ -1,0 +1,168 @@
+"""From pictures to the laser line's centres."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+from typing import Any, get_args
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import uniform_filter1d
+
+from sheetoflight.errors import InputError
+from sheetoflight.geometry.directions import Array
+from sheetoflight.imaging.stripe.centres import Centres, Located
+from sheetoflight.imaging.stripe.choice import Choice, chosen_detector
+from sheetoflight.imaging.stripe.detectors import DETECTORS
+from sheetoflight.imaging.stripe.ends import line_ends
+from sheetoflight.imaging.stripe.light import LineLight, line_light
+from sheetoflight.imaging.stripe.lines import LineOptions, found_lines, other_centres
+from sheetoflight.imaging.stripe.region import Region, within
+from sheetoflight.imaging.stripe.selection import Which, selected
+from sheetoflight.imaging.stripe.speckle import Speckle
+from sheetoflight.imaging.stripe.tracks import tracks_of
+from sheetoflight.model.stripe import Stripe, joined_lines, no_stripe
+
+_TANGENT_CENTRES = 15
+
+
+@dataclass(frozen=True)
+class StripeOptions:
+    """How the laser line is looked for.
+
+    Parameters
+    ----------
+    detector : str
+        A name of `sheetoflight.imaging.stripe.detectors.DETECTORS`, or ``auto``.
+    lines : str
+        Where several lines cross the same row (column, if they run along the rows): ``all`` of
+        them, the ``brightest``, the ``first`` from the left (top), or the ``last``.
+    region : (u, v, width, height), optional
+        Where to look, px; the whole picture where absent.
+    mask : (H, W) bool array, optional
+        True where to look.
+    speckle : Speckle, optional
+        What speckle adds to each centre's uncertainty.
+    line : LineOptions
+        What counts as a line.
+
+    Raises
+    ------
+    InputError
+        If the detector or the choice of lines is not known.
+    """
+
+    detector: str = "auto"
+    lines: Which = "all"
+    region: Region | None = None
+    mask: NDArray[np.bool_] | None = field(default=None, compare=False)
+    speckle: Speckle | None = None
+    line: LineOptions = field(default_factory=LineOptions)
+
+    def __post_init__(self) -> None:
+        names = ("auto", *DETECTORS)
+        if self.detector not in names:
+            raise InputError(
+                f"the detector {self.detector!r} is not known", f"choose {' | '.join(names)}"
+            )
+        if self.lines not in get_args(Which):
+            raise InputError(
+                f"which lines: {self.lines!r} is not known",
+                f"choose {' | '.join(get_args(Which))}",
+            )
+
+
+def extract_stripe(
+    image: NDArray[Any],
+    image_off: NDArray[Any] | None = None,
+    options: StripeOptions | None = None,
+) -> Stripe:
+    """Find the laser line and its centres.
+
+    Parameters
+    ----------
+    image : (H, W) or (H, W, 3) array
+        Picture with the laser on: grey, or colour in any order of its channels; uint8, uint16 or
+        float.
+    image_off : array of the same shape and type, optional
+        Picture of the same scene with the laser off.
+    options : StripeOptions, optional
+
+    Returns
+    -------
+    Stripe
+        Empty where there is no line. ``good`` is False near the ends of a line, where the fall of
+        light bends it, and where the detector did not come to rest; centres that it did not find
+        at all are left out.
+
+    Raises
+    ------
+    InputError
+        If a picture is no picture, the two do not match, or region or mask do not fit.
+
+    Examples
+    --------
+    >>> v, u = np.indices((60, 80))
+    >>> picture = 20 + 200 * np.exp(-0.5 * ((v - 31.3 - 0.1 * u) / 1.5) ** 2)
+    >>> stripe = extract_stripe(np.rint(picture).astype(np.uint8))
+    >>> u, v = stripe.uv[stripe.good].T
+    >>> bool(np.abs(v - 31.3 - 0.1 * u).max() < 0.02)
+    True
+    """
+    options = options or StripeOptions()
+    light, origin = within(line_light(image, image_off), options.region, options.mask)
+    runs = found_lines(light, options.line)
+    choice = chosen_detector(light, runs)
+    if options.detector != "auto":
+        choice = Choice(options.detector, "asked for")
+    nothing = no_stripe(light.noise_std, choice.detector, choice.reason)
+    parts = []
+    for index, run in enumerate(runs):
+        _, _, clear = line_ends(light, run, other_centres(runs, index))
+        parts.append(_line(nothing, light, run, clear, options.speckle))
+    stripe = selected(joined_lines(nothing, parts), options.lines)
+    return replace(stripe, uv=stripe.uv + origin)
+
+
+def _line(
+    nothing: Stripe,
+    light: LineLight,
+    run: Centres,
+    clear: NDArray[np.bool_],
+    speckle: Speckle | None,
+) -> Stripe:
+    """One line's centres by the detector that `nothing` names."""
+    located = _located(light, run, nothing.detector)
+    std = located.std if speckle is None else np.hypot(located.std, speckle.std(run.width))
+    stripe = replace(
+        nothing,
+        uv=located.uv,
+        std=std,
+        width=run.width,
+        peak=run.amplitude,
+        across=_across(run.uv),
+        line=np.zeros(len(run), dtype=np.int64),
+        good=located.good & clear,
+    )
+    return stripe.taken(np.isfinite(std) & np.isfinite(located.uv).all(axis=1))
+
+
+def _located(light: LineLight, run: Centres, detector: str) -> Located:
+    if detector == "gaussian":  # by which the run was found
+        return Located(run.uv, run.std, run.good)
+    found = [DETECTORS[detector].centres(light, track) for track in tracks_of(run)]
+    return Located(
+        np.concatenate([part.uv for part in found]),
+        np.concatenate([part.std for part in found]),
+        np.concatenate([part.good for part in found]),
+    )
+
+
+def _across(uv: Array) -> Array:
+    """Unit directions across a run of centres ``(N, 2)``, from their neighbours."""
+    if len(uv) < 2:
+        return np.tile([1.0, 0.0], (len(uv), 1))
+    size = min(_TANGENT_CENTRES, len(uv))
+    along = uniform_filter1d(np.gradient(uv, axis=0), size, axis=0, mode="nearest")
+    along /= np.linalg.norm(along, axis=1, keepdims=True)
+    return np.stack([-along[:, 1], along[:, 0]], axis=-1)
