@@ -17,6 +17,7 @@ from sheetoflight.imaging.stripe.detectors import DETECTORS
 from sheetoflight.imaging.stripe.ends import line_ends
 from sheetoflight.imaging.stripe.light import LineLight, line_light
 from sheetoflight.imaging.stripe.lines import LineOptions, found_lines, other_centres
+from sheetoflight.imaging.stripe.phase import phase_std
 from sheetoflight.imaging.stripe.region import Region, within
 from sheetoflight.imaging.stripe.selection import Which, selected
 from sheetoflight.imaging.stripe.speckle import Speckle
@@ -150,10 +151,13 @@ def _line(
 def _located(light: LineLight, run: Centres, detector: str) -> Located:
     if detector == "gaussian":  # by which the run was found
         return Located(run.uv, run.std, run.good)
-    found = [DETECTORS[detector].centres(light, track) for track in tracks_of(run)]
+    centres = DETECTORS[detector].centres
+    tracks = tracks_of(run)
+    found = [centres(light, track) for track in tracks]
+    phase = np.concatenate([phase_std(centres, track) for track in tracks])
     return Located(
         np.concatenate([part.uv for part in found]),
-        np.concatenate([part.std for part in found]),
+        np.hypot(np.concatenate([part.std for part in found]), phase),
         np.concatenate([part.good for part in found]),
     )
 

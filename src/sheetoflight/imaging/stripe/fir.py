@@ -9,7 +9,7 @@ from sheetoflight.imaging.stripe.centres import Located, Track
 from sheetoflight.imaging.stripe.light import LineLight
 from sheetoflight.imaging.stripe.rows import Rows, wide_rows
 
-_LEAST_SCALE_PX = 0.8
+_LEAST_SCALE_PX = 1.0
 _TAPS_PER_SCALE = 4.0
 _NARROW_PX = 1.5  # up to this width along the row the four-tap filter is used
 _NODES = np.arange(-1.0, 3.0)  # of the cubic through four answers, from the last positive one

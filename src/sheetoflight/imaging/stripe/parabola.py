@@ -9,9 +9,9 @@ from sheetoflight.imaging.stripe.centres import Located, Track
 from sheetoflight.imaging.stripe.light import LineLight
 from sheetoflight.imaging.stripe.rows import background_operator, wide_rows
 
-_LEAST_PART = 0.2  # of the peak: below it the logarithm is mostly noise
-_STEPS = 4
+_LEAST_PART = 0.1  # of the height: below it the logarithm is mostly noise
 _FEWEST = 3
+_ODD = np.log(9.0)  # a parabola three times too narrow or too wide is no line
 
 
 def parabola_centres(light: LineLight, track: Track) -> Located:
@@ -19,8 +19,8 @@ def parabola_centres(light: LineLight, track: Track) -> Located:
 
     H. Guo, "A simple algorithm for fitting a Gaussian function", IEEE Signal Processing Magazine
     28(5), 2011: a sample's logarithm is as uncertain as noise over light, so it counts by the
-    light's square – the fitted light's, iterated, for the samples' own would prefer those that
-    noise has raised.
+    light's square – that of the rough profile, for the samples' own would prefer those that noise
+    has raised.
     """
     rows, centre, width = wide_rows(light, track)
     operator = background_operator(rows, centre, width)
@@ -29,27 +29,20 @@ def parabola_centres(light: LineLight, track: Track) -> Located:
     lit = rows.samples - level[:, None] - slope[:, None] * x
     model = track.amplitude[:, None] * np.exp(-0.5 * (x / width[:, None]) ** 2)
     used = (rows.weights > 0) & ~rows.full & (lit > 0.0) & (np.abs(x) < 3.0 * width[:, None] + 1.0)
-    coefficients = np.zeros((len(centre), 3))
-    for _ in range(_STEPS):
-        taken = used & (model > _LEAST_PART * track.amplitude[:, None])
-        weights = np.where(taken, model / track.law.std(model), 0.0)
-        coefficients, covariance = _parabola(x, np.log(np.where(taken, lit, 1.0)), weights)
-        model = np.exp(np.clip(_values(coefficients, x), -20.0, 20.0))
+    used &= model > _LEAST_PART * track.amplitude[:, None]
+    weights = np.where(used, model / track.law.std(model), 0.0)
+    coefficients, covariance = _parabola(x, np.log(np.where(used, lit, 1.0)), weights)
     _, b, c = coefficients.T
     with np.errstate(divide="ignore", invalid="ignore"):
         vertex = -b / (2.0 * c)
         by_b, by_c = -1.0 / (2.0 * c), b / (2.0 * c * c)
         variance = by_b**2 * covariance[:, 1, 1] + by_c**2 * covariance[:, 2, 2]
         std = np.sqrt(variance + 2.0 * by_b * by_c * covariance[:, 1, 2]) * track.cosine
-    good = (c < 0.0) & (taken.sum(axis=1) >= _FEWEST) & np.isfinite(std)
+    good = (c < 0.0) & (used.sum(axis=1) >= _FEWEST) & np.isfinite(std)
     good &= np.abs(vertex) < 1.5 * width + 1.0
+    good &= np.abs(np.log(-2.0 * c * width**2, where=c < 0.0, out=np.full_like(c, np.inf))) < _ODD
     across = centre + np.where(good, vertex, 0.0) + rows.first
     return Located(track.uv(across), np.where(good, std, np.nan), good)
-
-
-def _values(coefficients: Array, x: Array) -> Array:
-    a, b, c = (column[:, None] for column in coefficients.T)
-    return a + x * (b + x * c)
 
 
 def _parabola(x: Array, y: Array, weights: Array) -> tuple[Array, Array]:

@@ -47,6 +47,8 @@ class Ridges:
         Unit direction along the ridge, of either sign.
     strength : (N,) array
         Amplitude of the line that would answer as strongly, grey levels.
+    least : (N,) array
+        Strength that a line must have there to stand out from noise and texture.
     scale : float
         Smoothing with which they were found, px.
     """
@@ -55,6 +57,7 @@ class Ridges:
     uv: Array
     direction: Array
     strength: Array
+    least: Array
     scale: float
 
     def __len__(self) -> int:
@@ -67,6 +70,7 @@ class Ridges:
             self.uv[index],
             self.direction[index],
             self.strength[index],
+            self.least[index],
             self.scale,
         )
 
@@ -87,7 +91,16 @@ def ridges(light: LineLight, least_strength: float) -> Ridges:
     brightest = max(light.picture.shape) // 4
     found = [ridges_at(light.picture, scale, least_strength) for scale in SCALES]
     found = [one.taken(light.wants(one.pixels)) for one in found]
-    return max(found, key=lambda one: float(np.sum(np.sort(one.strength)[-brightest:])))
+    return max(found, key=lambda one: _evidence(one, brightest))
+
+
+def _evidence(found: Ridges, brightest: int) -> float:
+    """Sum of the brightest strengths, less what noise and texture add to their squares.
+
+    Without that the narrowest smoothing, whose answers scatter most, would win in noise.
+    """
+    beyond = np.sqrt(np.maximum(found.strength**2 - found.least**2, 0.0))
+    return float(np.sum(np.sort(beyond)[-brightest:]))
 
 
 def ridges_at(picture: Picture, scale: float, least_strength: float) -> Ridges:
@@ -117,7 +130,14 @@ def ridges_at(picture: Picture, scale: float, least_strength: float) -> Ridges:
         smooth, rows[on_ridge], columns[on_ridge], across[on_ridge], strength[on_ridge], scale
     )
     pixels = np.stack([columns, rows], axis=-1)[on_ridge]
-    return Ridges(pixels, pixels + offset[on_ridge], along[on_ridge], strength[on_ridge], scale)
+    return Ridges(
+        pixels,
+        pixels + offset[on_ridge],
+        along[on_ridge],
+        strength[on_ridge],
+        least[on_ridge],
+        scale,
+    )
 
 
 def _falls_on_both_sides(

@@ -11,6 +11,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.ndimage import median_filter
 from scipy.special import ndtr
 
@@ -18,8 +19,9 @@ from sheetoflight.geometry.directions import Array
 from sheetoflight.imaging.stripe.centres import Located, Track
 from sheetoflight.imaging.stripe.light import LineLight, Picture
 
-_SCALES_PX = (0.8, 8.0)
+_SCALES_PX = (1.0, 8.0)
 _REACH_SCALES = 4.0
+_CLEAR_SCALES = 3.0
 _STEPS = 8
 _CONVERGED_PX = 1e-4
 _LONGEST_STEP_PX = 1.0
@@ -48,13 +50,21 @@ def steger_centres(light: LineLight, track: Track) -> Located:
     ]
     ridge = _Ridge(*(np.concatenate(column) for column in zip(*found, strict=True)))
     lit = track.amplitude * (1.0 + scale**2 / (2.0 * track.width**2)) ** -1.5
-    noise = np.sqrt(track.law.variance(lit) / (8.0 * np.pi)) / scale**2
+    # The kernel's square integral; the pixel's box widens it.
+    noise = np.sqrt(track.law.variance(lit) / (8.0 * np.pi)) / (scale**2 + 1.0 / 12.0)
     with np.errstate(divide="ignore", invalid="ignore"):
         std = noise / -ridge.curvature
         moved = np.linalg.norm(ridge.uv - uv, axis=1)
     good = ridge.still & (ridge.curvature < 0.0) & (moved < 2.0 * track.width + 1.0)
+    good &= _within(light.picture, ridge.uv, _CLEAR_SCALES * scale)
     corrected = ridge.uv - _asymmetry_bias(light, track, ridge, scale)[:, None] * ridge.across
     return Located(corrected, np.where(good, std, np.nan), good)
+
+
+def _within(picture: Picture, uv: Array, margin: float) -> NDArray[np.bool_]:
+    """Whether points lie so far inside the picture that the smoothing sees little beyond it."""
+    limits = np.array(picture.shape[::-1]) - 1.0 - margin
+    return ((uv >= margin) & (uv <= limits)).all(axis=1)
 
 
 @dataclass(frozen=True)

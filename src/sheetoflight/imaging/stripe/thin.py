@@ -10,7 +10,6 @@ from sheetoflight.imaging.stripe.light import LineLight
 from sheetoflight.imaging.stripe.rows import background_operator, rows_about, wide_rows
 
 _THRESHOLD = 0.5  # of the line's height
-_WHOLE_PIXEL_STD = 1.0 / np.sqrt(12.0)
 
 # Neighbours of a pixel from above it on clockwise: P2 to P9 in Zhang and Suen's figure.
 _AROUND = ((-1, 0), (-1, 1), (0, 1), (1, 1), (1, 0), (1, -1), (0, -1), (-1, -1))
@@ -38,7 +37,7 @@ def thin_centres(light: LineLight, track: Track) -> Located:
     left = (rows.samples > 0) & (rows.weights > 0)
     nearest = np.argmin(np.where(left, np.abs(offset), np.inf), axis=1)
     found = left.any(axis=1) & (np.abs(offset[np.arange(len(offset)), nearest]) < 1.5 * width + 1.0)
-    std = np.hypot(_WHOLE_PIXEL_STD, _threshold_std(track)) * track.cosine
+    std = _threshold_std(track) * track.cosine
     return Located(track.uv(nearest + rows.first), std, found)
 
 

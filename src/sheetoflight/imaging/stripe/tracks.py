@@ -19,6 +19,8 @@ _DIRECTION_PIXELS = 15
 _SIDE_PIXELS = 61
 _PLATEAU_ROWS = 41
 
+_BORDER_SCALES, _CONTINUED_FROM = 2.0, 9
+
 # A gap of 2 px, seen through defocus and pixels of together 0.76 px, leaves 0.28 of the light in
 # the two rows nearest to its middle; a wider one leaves less.
 _GAP_LIGHT = 0.35
@@ -31,8 +33,47 @@ _JUMP_PX = 2.0
 def centres_along(light: LineLight, ridges: Ridges, chain: NDArray[np.int64]) -> Centres:
     """Centres for all rows or columns that a chain of ridge pixels crosses, in its order."""
     tracks = _tracks(ridges.uv[chain], ridges.pixels[chain], ridges.scale)
+    tracks = [_to_the_border(track, light.picture.shape, ridges.scale) for track in tracks]
     centres = joined([fitted_centres(light, track) for track in tracks])
     return replace(centres, good=centres.good & light.wants(centres.uv))
+
+
+def _to_the_border(track: Track, shape: tuple[int, ...], scale: float) -> Track:
+    """The track continued where it ends so near the picture's border that the smoothing, which
+    sees beyond it, shows no ridge any more."""
+    near = int(np.ceil(_BORDER_SCALES * scale)) + 2
+    if len(track.along) < _CONTINUED_FROM:
+        return track
+    last = shape[0 if track.by_rows else 1] - 1
+    forward = track.along[-1] > track.along[0]
+    low, high = track.along.min(), track.along.max()
+    before = np.arange(0, low) if low <= near else np.empty(0, dtype=np.int64)
+    after = np.arange(high + 1, last + 1) if last - high <= near else np.empty(0, dtype=np.int64)
+    order = slice(None) if forward else slice(None, None, -1)
+    along, across = track.along[order], track.across[order]
+    extended = np.concatenate(
+        [_continued(along, across, before), across, _continued(along[::-1], across[::-1], after)]
+    )
+    everything = np.concatenate([before, along, after])[order]
+
+    def padded(values: Array) -> Array:
+        return np.pad(values[order], (len(before), len(after)), mode="edge")[order]
+
+    return replace(
+        track,
+        along=everything,
+        across=extended[order],
+        slope=padded(track.slope),
+        width=padded(track.width),
+        amplitude=padded(track.amplitude),
+    )
+
+
+def _continued(along: NDArray[np.int64], across: Array, to: NDArray[np.int64]) -> Array:
+    """The straight line through the first centres, read further out."""
+    near = slice(0, _CONTINUED_FROM)
+    slope, level = np.polyfit(along[near] - along[0], across[near], 1)
+    return level + slope * (to - along[0])
 
 
 def tracks_of(run: Centres) -> list[Track]:
