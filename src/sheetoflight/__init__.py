@@ -24,12 +24,17 @@ if TYPE_CHECKING:
     from sheetoflight.errors import SheetOfLightError as SheetOfLightError
     from sheetoflight.errors import ToleranceError as ToleranceError
     from sheetoflight.errors import UntrustworthyError as UntrustworthyError
+    from sheetoflight.imaging.stripe.extraction import StripeOptions as StripeOptions
+    from sheetoflight.imaging.stripe.extraction import extract_stripe as extract_stripe
+    from sheetoflight.measurement.reconstruction import reconstruct as reconstruct
     from sheetoflight.model.calibration import Calibration as Calibration
     from sheetoflight.model.camera import Camera as Camera
     from sheetoflight.model.light_plane import LightPlane as LightPlane
     from sheetoflight.model.observations import Observations as Observations
     from sheetoflight.model.observations import TargetViews as TargetViews
+    from sheetoflight.model.point_cloud import PointCloud as PointCloud
     from sheetoflight.model.rig import Rig as Rig
+    from sheetoflight.model.stripe import Stripe as Stripe
     from sheetoflight.model.target import CollinearTarget as CollinearTarget
     from sheetoflight.workflow.calibrated import calibrate as calibrate
     from sheetoflight.workflow.calibrated import load_calibration as load_calibration
@@ -44,14 +49,19 @@ _HOMES = {
     "InputError": "errors",
     "LightPlane": "model.light_plane",
     "Observations": "model.observations",
+    "PointCloud": "model.point_cloud",
     "Rig": "model.rig",
     "SheetOfLightError": "errors",
+    "Stripe": "model.stripe",
+    "StripeOptions": "imaging.stripe.extraction",
     "TargetViews": "model.observations",
     "ToleranceError": "errors",
     "UntrustworthyError": "errors",
     "calibrate": "workflow.calibrated",
+    "extract_stripe": "imaging.stripe.extraction",
     "load_calibration": "workflow.calibrated",
     "load_rig": "workflow.rig_folder",
+    "reconstruct": "measurement.reconstruction",
 }
 
 __all__ = ["__version__", *_HOMES]  # noqa: PLE0604  # pyright: ignore[reportUnsupportedDunderAll] – the keys are the names

@@ -62,6 +62,17 @@ known_mm of segments.csv. Exit status 4 where a length fails.
 Example: sol verify calibration.json rig/measure --known 300 --mpe-mm 0.2
 
 Example: sol verify calibration.json segments.csv --known known.csv --page verification.html""",
+    "stripe": """The laser line's centres in pictures, each with its standard uncertainty.
+
+Finds lines of any direction by itself, in pictures, folders, stacks and videos, and writes
+image,u,v,std_px,width_px,peak.
+
+Example: sol stripe scan/*.png -o stripe.csv
+
+Example: sol stripe profiles.npy --scan columns --detector centroid -o stripe.csv""",
+    "reconstruct": """The laser line in space: a point cloud with the uncertainty of every point.
+
+Example: sol reconstruct calibration.json rig/measure -o cloud.ply""",
     "report": """One self-contained page: the numbers, figures to turn, what was used.
 
 Example: sol report calibration.json rig/measure -o report.html""",

@@ -113,9 +113,10 @@ def read_table(
     return rows
 
 
-def table_text(columns: Sequence[str], rows: Iterable[Sequence[str | int | float]]) -> str:
-    """A table as text; numbers with as many digits as bring the same value back."""
-    lines = [columns, *rows]
+def table_text(columns: Sequence[str] | None, rows: Iterable[Sequence[str | int | float]]) -> str:
+    """A table as text, or rows alone where there are no column names; numbers with as many digits
+    as bring the same value back."""
+    lines = [*([columns] if columns else []), *rows]
     return "".join(",".join(_cell(value) for value in line) + "\n" for line in lines)
 
 

@@ -199,26 +199,15 @@ class Camera:
         """
         pixels = np.asarray(uv, dtype=float)
         u, v = pixels[..., 0].ravel(), pixels[..., 1].ravel()
-        rays, room = np.ones((u.size, 3)), np.empty((lens.ROOM, min(u.size, lens.CHUNK)))
+        rays = np.ones((u.size, 3))
         for start in range(0, u.size, lens.CHUNK):
             part = slice(start, start + lens.CHUNK)
-            x, y = self.seen(u[part], v[part])
-            rays[part, 0], rays[part, 1] = self.ideal(x, y, room[:, : x.size])[:2]
+            y = (v[part] - self.v0) / self.beta
+            x = (u[part] - self.u0 - self.gamma * y) / self.alpha
+            if self.distorts:
+                x, y = lens.undistorted(self.distortion, x, y)
+            rays[part, 0], rays[part, 1] = x, y
         return rays.reshape(*pixels.shape[:-1], 3)
-
-    def seen(self, u: Array, v: Array) -> tuple[Array, Array]:
-        """Distorted normalised coordinates x' and y' of image points with u and v ``(N,)`` px."""
-        y = (v - self.v0) / self.beta
-        return (u - self.u0 - self.gamma * y) / self.alpha, y
-
-    def ideal(self, x: Array, y: Array, room: Array | None = None) -> lens.Bent:
-        """Ideal normalised coordinates of distorted ones ``(N,)``, with derivatives.
-
-        See `sheetoflight.model.lens.undistorted`.
-        """
-        if self.distorts:
-            return lens.undistorted(self.distortion, x, y, room)
-        return lens.Bent(x, y, np.ones_like(x), np.zeros_like(x), np.ones_like(x))
 
     def unproject_with_jacobians(self, uv: Array) -> tuple[Array, Array, Array]:
         """`unproject`, and the derivatives of the rays' x and y.

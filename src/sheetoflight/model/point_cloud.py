@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -93,3 +94,25 @@ _PARTS: dict[str, tuple[int, ...]] = {
     "line": (),
     "picture": (),
 }
+
+
+def joined_clouds(clouds: Sequence[PointCloud]) -> PointCloud:
+    """Clouds one after another, the pictures of each after those of the one before."""
+    offsets = np.cumsum([0, *(len(cloud.pictures) for cloud in clouds)])
+    parts = {
+        name: np.concatenate(
+            [np.empty((0, *shape), dtype=_KINDS.get(name, float))]
+            + [getattr(cloud, name) for cloud in clouds]
+        )
+        for name, shape in _PARTS.items()
+        if name != "picture"
+    }
+    pictures = [cloud.picture + offset for cloud, offset in zip(clouds, offsets, strict=False)]
+    return PointCloud(
+        **parts,
+        picture=np.concatenate([np.empty(0, dtype=np.int64), *pictures]),
+        pictures=tuple(name for cloud in clouds for name in cloud.pictures),
+    )
+
+
+_KINDS: dict[str, type] = {"line": np.int64}

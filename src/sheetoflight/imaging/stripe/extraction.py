@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
-from typing import Any, get_args
+from typing import Any, Literal, get_args
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,6 +24,8 @@ from sheetoflight.imaging.stripe.speckle import Speckle
 from sheetoflight.imaging.stripe.tracks import tracks_of
 from sheetoflight.model.stripe import Stripe, joined_lines, no_stripe
 
+ScanAlong = Literal["columns", "rows"]
+
 _TANGENT_CENTRES = 15
 
 
@@ -38,6 +40,9 @@ class StripeOptions:
     lines : str
         Where several lines cross the same row (column, if they run along the rows): ``all`` of
         them, the ``brightest``, the ``first`` from the left (top), or the ``last``.
+    scan : str, optional
+        For profile sensors, at camera rate: one centre in every one of the ``columns``, or of the
+        ``rows``. Where absent, lines of any direction are looked for everywhere.
     region : (u, v, width, height), optional
         Where to look, px; the whole picture where absent.
     mask : (H, W) bool array, optional
@@ -55,6 +60,7 @@ class StripeOptions:
 
     detector: str = "auto"
     lines: Which = "all"
+    scan: ScanAlong | None = None
     region: Region | None = None
     mask: NDArray[np.bool_] | None = field(default=None, compare=False)
     speckle: Speckle | None = None
