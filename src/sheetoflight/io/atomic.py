@@ -49,7 +49,9 @@ def write_whole(path: str | Path, data: bytes | str) -> None:
 
 @contextmanager
 def written_whole(path: str | Path) -> Iterator[Path]:
-    """An empty file beside the place of another, for a library that writes to a path itself.
+    """An empty file beside the place of another, for what writes to a path itself.
+
+    It must be written in place, not unlinked and made anew.
 
     ::
 
@@ -89,17 +91,18 @@ def written_whole(path: str | Path) -> Iterator[Path]:
 def _replaced(target: Path) -> Iterator[Path]:
     beside = target.with_name(f".sheetoflight-{secrets.token_hex(8)}.tmp")
     mode = _mode_to_keep(target)
-    os.close(os.open(beside, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o666))
+    descriptor = os.open(beside, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o666)
     try:
         if mode is not None:
             beside.chmod(mode)
         yield beside
-        with beside.open("rb") as file:
-            os.fsync(file.fileno())
+        os.fsync(descriptor)
         beside.replace(target)
     except BaseException:
         beside.unlink(missing_ok=True)
         raise
+    finally:
+        os.close(descriptor)
 
 
 def _mode_to_keep(target: Path) -> int | None:

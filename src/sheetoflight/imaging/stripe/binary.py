@@ -8,7 +8,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from sheetoflight.imaging.stripe.light import line_light, local_background
+from sheetoflight.imaging.stripe.colour import laser_light
+from sheetoflight.imaging.stripe.light import local_background
 from sheetoflight.imaging.stripe.ridges import ridges
 
 _LEAST_SNR = 5.0
@@ -36,7 +37,7 @@ def binary_line(image_on: NDArray[Any], image_off: NDArray[Any] | None = None) -
     InputError
         If a picture is no picture, or the two do not match.
     """
-    light = line_light(image_on, image_off)
+    light = laser_light(image_on, image_off)
     least = _LEAST_SNR * light.noise_std
     if min(light.picture.shape) < 8 or least == 0.0:
         return np.zeros(light.picture.shape, dtype=bool)

@@ -38,7 +38,8 @@ def chosen_detector(light: LineLight, runs: list[Centres]) -> Choice:
     ]
     snr = float(np.median(np.concatenate(matched)))
     full = _full_share(light, runs)
-    seen = f"width {width:.1f} px, peak/noise {snr:.0f}, {100.0 * full:.0f} % of centres saturated"
+    seen = f"{light.colour}, " if light.colour else ""
+    seen += f"width {width:.1f} px, peak/noise {snr:.0f}, {100.0 * full:.0f} % of centres saturated"
     if snr * np.sqrt(max(width, 0.5)) < _LEAST_ROW_SNR * np.sqrt(2.0):
         return Choice("steger", f"{seen}: single rows drown in noise, so it smooths along the line")
     return Choice("gaussian", f"{seen}: reaches the bound of each row, saturated samples left open")

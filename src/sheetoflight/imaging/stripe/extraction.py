@@ -13,9 +13,10 @@ from sheetoflight.errors import InputError
 from sheetoflight.geometry.directions import Array
 from sheetoflight.imaging.stripe.centres import Centres, Located
 from sheetoflight.imaging.stripe.choice import Choice, chosen_detector
+from sheetoflight.imaging.stripe.colour import laser_light
 from sheetoflight.imaging.stripe.detectors import DETECTORS
 from sheetoflight.imaging.stripe.ends import line_ends
-from sheetoflight.imaging.stripe.light import LineLight, line_light
+from sheetoflight.imaging.stripe.light import LineLight
 from sheetoflight.imaging.stripe.lines import LineOptions, found_lines, other_centres
 from sheetoflight.imaging.stripe.phase import phase_std
 from sheetoflight.imaging.stripe.region import Region, within
@@ -117,7 +118,7 @@ def extract_stripe(
     True
     """
     options = options or StripeOptions()
-    light, origin = within(line_light(image, image_off), options.region, options.mask)
+    light, origin = within(laser_light(image, image_off), options.region, options.mask)
     runs = found_lines(light, options.line)
     choice = chosen_detector(light, runs)
     if options.detector != "auto":

@@ -44,6 +44,8 @@ class LineLight:
         Whether the background has been taken away by a picture without the laser.
     wanted : (H, W) bool array, optional
         Where lines are looked for; everywhere where absent.
+    colour : str, optional
+        The channel whose pure colour this is; absent for grey and for the sum of all channels.
     """
 
     picture: Picture
@@ -52,6 +54,7 @@ class LineLight:
     least_std: float
     differenced: bool
     wanted: NDArray[np.bool_] | None = None
+    colour: str | None = None
 
     def wants(self, uv: NDArray[Any]) -> NDArray[np.bool_]:
         """Whether lines are looked for at image points ``(N, 2)``, px."""
@@ -82,13 +85,20 @@ def line_light(image_on: NDArray[Any], image_off: NDArray[Any] | None = None) ->
     if off is not None:
         channels = channels - off.astype(np.float32)
     picture = channels if channels.ndim == 2 else _one_channel(channels, off is not None)
-    least = _rounding_std(picture, on.dtype, off is not None)
+    return light_of(picture, full, on.dtype, off is not None)
+
+
+def light_of(
+    picture: Picture, full: NDArray[np.bool_], dtype: np.dtype[Any], differenced: bool = False
+) -> LineLight:
+    """One channel ``(H, W)`` of a picture with samples of a type, its noise estimated."""
+    least = _rounding_std(picture, dtype, differenced)
     return LineLight(
         picture=np.ascontiguousarray(picture),
         full=full,
         noise_std=max(least, _noise_std(picture, full)),
         least_std=least,
-        differenced=off is not None,
+        differenced=differenced,
     )
 
 

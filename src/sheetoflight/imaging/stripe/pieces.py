@@ -9,8 +9,9 @@ from numpy.typing import NDArray
 
 from sheetoflight.geometry.directions import Array
 from sheetoflight.imaging.stripe.centres import Centres
+from sheetoflight.imaging.stripe.colour import laser_light
 from sheetoflight.imaging.stripe.ends import line_ends
-from sheetoflight.imaging.stripe.light import LineLight, line_light
+from sheetoflight.imaging.stripe.light import LineLight
 from sheetoflight.imaging.stripe.lines import LineOptions, found_lines, other_centres
 from sheetoflight.model.line_piece import LinePiece
 
@@ -46,7 +47,7 @@ def line_pieces(
         If a picture is no picture, or the two do not match.
     """
     options = options or LineOptions()
-    light = line_light(image_on, image_off)
+    light = laser_light(image_on, image_off)
     runs = found_lines(light, options)
     pieces = [_piece(light, run, other_centres(runs, i)) for i, run in enumerate(runs)]
     long_enough = [piece for piece in pieces if len(piece) >= _LEAST_CENTRES]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import importlib
 import uuid
 from pathlib import Path
 from typing import Any
@@ -40,8 +41,7 @@ def write_e57(path: Path, cloud: PointCloud) -> None:
     OSError
         If the file cannot be written.
     """
-    from pye57 import libe57
-
+    libe57: Any = importlib.import_module("pye57.libe57")  # compiled, and without types
     try:
         _Document(libe57, path, _fields(cloud)).write()
     except libe57.E57Exception as error:
@@ -57,11 +57,14 @@ def _fields(cloud: PointCloud) -> Columns:
     further = attributes(cloud)
     fields["intensity"] = np.nan_to_num(further.pop("peak"))
     for name, values in further.items():
-        if name.endswith("_mm"):
-            name, values = f"{name.removesuffix('_mm')}_m", values * np.float32(_M_PER_MM)
-        whole = values.dtype == np.int32
-        # libe57 takes whole numbers of 64 bits only; in the file they need as few as they span.
-        fields[f"{EXTENSION[0]}:{name}"] = values.astype(np.int64) if whole else values
+        if values.dtype == np.int32:
+            # pye57 takes numpy's int64 for 32 bits, and no int32: long long is what it says.
+            fields[f"{EXTENSION[0]}:{name}"] = values.astype(np.longlong)
+        elif name.endswith("_mm"):
+            metres = values * np.float32(_M_PER_MM)
+            fields[f"{EXTENSION[0]}:{name.removesuffix('_mm')}_m"] = metres
+        else:
+            fields[f"{EXTENSION[0]}:{name}"] = values
     return fields
 
 
@@ -106,14 +109,17 @@ class _Document:
             guid=self._guid("scan"),
             name="laser line",
             description=_DESCRIPTION,
-            cartesianBounds=self._bounds(*(f"cartesian{c}" for c in "XYZ"), drop="cartesian"),
-            intensityLimits=self._bounds("intensity"),
+            cartesianBounds=self._bounds(x="cartesianX", y="cartesianY", z="cartesianZ"),
+            intensityLimits=self._bounds(intensity="intensity"),
             points=points,
         )
         scans.append(scan)
         writer = points.writer(self._buffers())
-        writer.write(self._count())
-        writer.close()
+        try:
+            writer.write(self._count())
+        finally:
+            # libE57Format crashes where a file is given up while it is written to.
+            writer.close()
 
     def _prototype(self) -> Any:
         """What each point holds, and in which kind of number."""
@@ -123,7 +129,7 @@ class _Document:
         return prototype
 
     def _kind(self, values: Any) -> Any:
-        if values.dtype == np.int64:
+        if values.dtype.kind == "i":
             low, high = int(values.min()), int(values.max())
             return self.libe57.IntegerNode(self.file, low, low, high)
         single = values.dtype == np.float32
@@ -138,12 +144,12 @@ class _Document:
             )
         return buffers
 
-    def _bounds(self, *names: str, drop: str = "") -> Any:
+    def _bounds(self, **fields: str) -> Any:
+        """The least and the largest value of fields, under names for both."""
         bounds = {}
-        for name in names:
-            short = name.removeprefix(drop).lower()
-            bounds[f"{short}Minimum"] = float(self.fields[name].min())
-            bounds[f"{short}Maximum"] = float(self.fields[name].max())
+        for name, field in fields.items():
+            bounds[f"{name}Minimum"] = float(self.fields[field].min())
+            bounds[f"{name}Maximum"] = float(self.fields[field].max())
         return self._structure(**bounds)
 
     def _structure(self, **children: Any) -> Any:

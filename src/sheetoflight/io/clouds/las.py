@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib
 from datetime import date
 from pathlib import Path
 from typing import Any
@@ -33,6 +34,8 @@ def write_las(path: Path, cloud: PointCloud) -> None:
     ------
     InputError
         If the points lie too far apart for the step: a coarser one would lose precision unsaid.
+    OSError
+        If the file cannot be written.
     """
     _write(path, cloud, compressed=False)
 
@@ -45,9 +48,13 @@ def write_laz(path: Path, cloud: PointCloud) -> None:
 def _write(path: Path, cloud: PointCloud, compressed: bool) -> None:
     import laspy
 
+    lazrs: Any = importlib.import_module("lazrs")  # its types leave out its error
     points = _points(cloud)
-    with path.open("wb+") as file:
-        points.write(file, do_compress=compressed, laz_backend=laspy.LazBackend.Lazrs)
+    try:
+        with path.open("wb") as file:
+            points.write(file, do_compress=compressed, laz_backend=laspy.LazBackend.Lazrs)
+    except lazrs.LazrsError as error:
+        raise OSError(str(error)) from error
 
 
 def _points(cloud: PointCloud) -> Any:

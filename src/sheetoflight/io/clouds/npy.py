@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 from pathlib import Path
 
 import numpy as np
@@ -20,6 +21,8 @@ def write_npy(path: Path, cloud: PointCloud) -> None:
     points = np.empty(len(cloud), dtype=kinds)
     for name, values in table.items():
         points[name] = values
-    # By a file, not by its name: to a name NumPy would add its own ending.
-    with path.open("wb") as file:
-        np.save(file, points, allow_pickle=False)
+    # To a file NumPy writes past Python, and says nothing where the disk fills up at the end.
+    buffer = io.BytesIO()
+    np.save(buffer, points, allow_pickle=False)
+    # The value, not a view: a view held by an exception crashes Python 3.12.
+    path.write_bytes(buffer.getvalue())
