@@ -13,6 +13,8 @@ from sheetoflight.imaging.stripe.light import LineLight
 # long tails. Rows together still do.
 _LEAST_ROW_SNR = 4.0
 
+_ORDINALS = ("first", "second", "third")
+
 
 @dataclass(frozen=True)
 class Choice:
@@ -38,7 +40,9 @@ def chosen_detector(light: LineLight, runs: list[Centres]) -> Choice:
     ]
     snr = float(np.median(np.concatenate(matched)))
     full = _full_share(light, runs)
-    seen = f"{light.colour}, " if light.colour else ""
+    seen = (
+        "" if light.channel is None else f"pure colour of the {_ORDINALS[light.channel]} channel, "
+    )
     seen += f"width {width:.1f} px, peak/noise {snr:.0f}, {100.0 * full:.0f} % of centres saturated"
     if snr * np.sqrt(max(width, 0.5)) < _LEAST_ROW_SNR * np.sqrt(2.0):
         return Choice("steger", f"{seen}: single rows drown in noise, so it smooths along the line")

@@ -9,19 +9,18 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from sheetoflight.imaging.stripe.added import Seen, adds_light
 from sheetoflight.imaging.stripe.light import LineLight, light_of, line_light
 from sheetoflight.imaging.stripe.linking import linked
-from sheetoflight.imaging.stripe.ridges import ridges
+from sheetoflight.imaging.stripe.ridges import Ridges, ridges
 
 # Every lens and Bayer pattern leaves some colour at edges, and compression spreads it. Grey must
 # show its lines so much better than a colour shows its own before grey is believed.
-_GREY_HANDICAP = 2.0
+_GREY_HANDICAP = 4.0
 _LONGEST_CHAINS = 3
 _LEAST_CHAIN_PX = 6
 _BRIGHT_QUANTILE, _FAINT_PART = 0.98, 0.25
 _CORE_PX = 15
-
-_ORDINALS = ("first", "second", "third")
 
 
 def laser_light(image_on: NDArray[Any], image_off: NDArray[Any] | None = None) -> LineLight:
@@ -55,11 +54,11 @@ def _pure_colour(image: NDArray[Any], whole: LineLight, channel: int) -> LineLig
     closed = cv2.morphologyEx(pure, cv2.MORPH_CLOSE, kernel)
     pure = np.where(whole.full, closed, pure).astype(np.float32)
     light = light_of(pure, whole.full, image.dtype)
-    return replace(light, colour=f"{_ORDINALS[channel]} channel")
+    return replace(light, channel=channel, channels=image)
 
 
 def _evidence(light: LineLight) -> float:
-    """Length times clearness of the three longest chains of ridge pixels."""
+    """Length times clearness of the three best chains of ridge pixels that add light."""
     if min(light.picture.shape) < _LEAST_CHAIN_PX:
         return 0.0
     found = ridges(light, light.noise_std)
@@ -68,6 +67,15 @@ def _evidence(light: LineLight) -> float:
     seed = _FAINT_PART * float(np.quantile(found.strength, _BRIGHT_QUANTILE))
     found = found.taken(found.strength >= seed / 2.0)
     clear = found.strength / found.least
-    chains = linked(found, seed, _LEAST_CHAIN_PX)
+    chains = [
+        chain
+        for chain in linked(found, seed, _LEAST_CHAIN_PX)
+        if adds_light(light, _seen(found.taken(chain)))
+    ]
     scores = sorted(len(chain) * float(np.median(clear[chain])) for chain in chains)
     return sum(scores[-_LONGEST_CHAINS:])
+
+
+def _seen(chain: Ridges) -> Seen:
+    across = np.stack([-chain.direction[:, 1], chain.direction[:, 0]], axis=-1)
+    return Seen(chain.uv, across, np.full(len(chain), chain.scale), chain.strength)

@@ -44,8 +44,10 @@ class LineLight:
         Whether the background has been taken away by a picture without the laser.
     wanted : (H, W) bool array, optional
         Where lines are looked for; everywhere where absent.
-    colour : str, optional
+    channel : int, optional
         The channel whose pure colour this is; absent for grey and for the sum of all channels.
+    channels : (H, W, 3) array, optional
+        The picture in all its channels, where `picture` is the pure colour of one.
     """
 
     picture: Picture
@@ -54,7 +56,8 @@ class LineLight:
     least_std: float
     differenced: bool
     wanted: NDArray[np.bool_] | None = None
-    colour: str | None = None
+    channel: int | None = None
+    channels: NDArray[Any] | None = None
 
     def wants(self, uv: NDArray[Any]) -> NDArray[np.bool_]:
         """Whether lines are looked for at image points ``(N, 2)``, px."""

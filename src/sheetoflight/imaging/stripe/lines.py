@@ -8,6 +8,7 @@ import numpy as np
 
 from sheetoflight.errors import InputError
 from sheetoflight.geometry.directions import Array
+from sheetoflight.imaging.stripe.added import Seen, adds_light
 from sheetoflight.imaging.stripe.bridging import bridged
 from sheetoflight.imaging.stripe.centres import Centres
 from sheetoflight.imaging.stripe.light import LineLight
@@ -79,7 +80,9 @@ def found_lines(light: LineLight, options: LineOptions) -> list[Centres]:
         _in_reading_order(run)
         for chain in bridged(found, chains)
         for run in unbroken(centres_along(light, found, chain), seed / 2.0)
-        if np.median(run.amplitude) >= seed and _is_line(run, options)
+        if np.median(run.amplitude) >= seed
+        and _is_line(run, options)
+        and adds_light(light, _seen(run))
     ]
 
 
@@ -95,6 +98,13 @@ def _is_line(run: Centres, options: LineOptions) -> bool:
     significance = np.median(run.amplitude / run.amplitude_std) * np.sqrt(len(run))
     long_enough = length >= max(options.least_length_px, options.least_widths * width)
     return long_enough and bool(significance >= _LEAST_SIGNIFICANCE)
+
+
+def _seen(run: Centres) -> Seen:
+    step = np.gradient(run.uv, axis=0)
+    across = np.stack([-step[:, 1], step[:, 0]], axis=-1)
+    across /= np.linalg.norm(across, axis=1, keepdims=True)
+    return Seen(run.uv, across, run.width, run.amplitude)
 
 
 def _in_reading_order(run: Centres) -> Centres:

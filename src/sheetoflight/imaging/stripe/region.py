@@ -48,5 +48,6 @@ def within(
         picture=np.ascontiguousarray(light.picture[part]),
         full=light.full[part],
         wanted=None if light.wanted is None else light.wanted[part],
+        channels=None if light.channels is None else light.channels[part],
     )
     return cropped, np.array([left, top], dtype=float)
