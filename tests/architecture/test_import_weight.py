@@ -7,7 +7,12 @@ import sys
 
 import pytest
 
-HEAVY = frozenset({"cv2", "matplotlib", "numba", "pandas", "plotly", "pymoo", "scipy"})
+HEAVY = frozenset(
+    {
+        *("cv2", "h5py", "laspy", "matplotlib", "meshio", "numba"),
+        *("pandas", "plotly", "pye57", "pymoo", "scipy"),
+    }
+)
 
 # As the console script does it; modules are listed on standard error when all is said.
 HELP = """
@@ -52,3 +57,16 @@ def test_the_lower_floors_need_numpy_alone(floor: str):
     result = run(f"import sys, sheetoflight.{floor}; print(*sys.modules)")
     assert result.returncode == 0, result.stderr
     assert not loaded(result.stdout) & HEAVY
+
+
+def test_a_line_in_one_picture_waits_for_no_compiler():
+    """Numba takes seconds to compile; only streams and clouds of many points are worth that."""
+    result = run(
+        "import sys, numpy as np, sheetoflight as sol\n"
+        "v, u = np.indices((60, 80))\n"
+        "line = 200 * np.exp(-0.5 * ((v - 31.3 - 0.1 * u) / 1.5) ** 2)\n"
+        "assert len(sol.extract_stripe(np.rint(20 + line).astype(np.uint8))) > 70\n"
+        "print(*sys.modules)"
+    )
+    assert result.returncode == 0, result.stderr
+    assert "numba" not in loaded(result.stdout)
