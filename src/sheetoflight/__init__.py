@@ -26,6 +26,8 @@ if TYPE_CHECKING:
     from sheetoflight.errors import UntrustworthyError as UntrustworthyError
     from sheetoflight.imaging.stripe.extraction import StripeOptions as StripeOptions
     from sheetoflight.imaging.stripe.extraction import extract_stripe as extract_stripe
+    from sheetoflight.imaging.stripe.scan.scanner import ScanOptions as ScanOptions
+    from sheetoflight.imaging.stripe.scan.scanner import scan as scan
     from sheetoflight.measurement.reconstruction import reconstruct as reconstruct
     from sheetoflight.model.calibration import Calibration as Calibration
     from sheetoflight.model.camera import Camera as Camera
@@ -51,6 +53,7 @@ _HOMES = {
     "Observations": "model.observations",
     "PointCloud": "model.point_cloud",
     "Rig": "model.rig",
+    "ScanOptions": "imaging.stripe.scan.scanner",
     "SheetOfLightError": "errors",
     "Stripe": "model.stripe",
     "StripeOptions": "imaging.stripe.extraction",
@@ -62,6 +65,7 @@ _HOMES = {
     "load_calibration": "workflow.calibrated",
     "load_rig": "workflow.rig_folder",
     "reconstruct": "measurement.reconstruction",
+    "scan": "imaging.stripe.scan.scanner",
 }
 
 __all__ = ["__version__", *_HOMES]  # noqa: PLE0604  # pyright: ignore[reportUnsupportedDunderAll] – the keys are the names

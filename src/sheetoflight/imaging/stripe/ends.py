@@ -90,12 +90,15 @@ def line_ends(
     """
     last = line_end(light, centres, others)
     first = line_end(light, centres.taken(slice(None, None, -1)), others)
-    return first, last, _clear_of(first, centres) & _clear_of(last, centres)
+    return first, last, _clear_of(first, centres.uv[::-1])[::-1] & _clear_of(last, centres.uv)
 
 
-def _clear_of(end: LineEnd, centres: Centres) -> NDArray[np.bool_]:
-    """Centres whose rows or columns the fall of light at the end does not touch."""
-    return (centres.uv - end.uv) @ end.direction <= -end.reach
+def _clear_of(end: LineEnd, uv: Array) -> NDArray[np.bool_]:
+    """Centres ``(N, 2)``, in order towards the end, whose rows or columns the fall of light there
+    does not touch; distances are counted along the line, which may turn."""
+    steps = np.linalg.norm(np.diff(uv[::-1], axis=0), axis=1)
+    from_last = np.concatenate([[0.0], np.cumsum(steps)])[::-1]
+    return from_last + (end.uv - uv[-1]) @ end.direction >= end.reach
 
 
 def line_end(light: LineLight, centres: Centres, others: Array) -> LineEnd:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
-from typing import Any, Literal, get_args
+from typing import Any, get_args
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,13 +19,12 @@ from sheetoflight.imaging.stripe.ends import line_ends
 from sheetoflight.imaging.stripe.light import LineLight
 from sheetoflight.imaging.stripe.lines import LineOptions, found_lines, other_centres
 from sheetoflight.imaging.stripe.phase import phase_std
-from sheetoflight.imaging.stripe.region import Region, within
+from sheetoflight.imaging.stripe.region import Region, at_pixels, check_mask, part_of, within
+from sheetoflight.imaging.stripe.scanning import ScanAlong, scanned_stripe
 from sheetoflight.imaging.stripe.selection import Which, selected
 from sheetoflight.imaging.stripe.speckle import Speckle
 from sheetoflight.imaging.stripe.tracks import tracks_of
 from sheetoflight.model.stripe import Stripe, joined_lines, no_stripe
-
-ScanAlong = Literal["columns", "rows"]
 
 _TANGENT_CENTRES = 15
 
@@ -78,6 +77,15 @@ class StripeOptions:
                 f"which lines: {self.lines!r} is not known",
                 f"choose {' | '.join(get_args(Which))}",
             )
+        if self.scan is not None and self.scan not in get_args(ScanAlong):
+            raise InputError(
+                f"scan: {self.scan!r} is not known", f"choose {' | '.join(get_args(ScanAlong))}"
+            )
+        if self.scan is not None and self.lines in ("first", "last"):
+            raise InputError(
+                f"scan finds the brightest line only, the {self.lines} is asked for",
+                "leave out scan",
+            )
 
 
 def extract_stripe(
@@ -118,6 +126,8 @@ def extract_stripe(
     True
     """
     options = options or StripeOptions()
+    if options.scan is not None:
+        return _scanned(image, image_off, options.scan, options)
     light, origin = within(laser_light(image, image_off), options.region, options.mask)
     runs = found_lines(light, options.line)
     choice = chosen_detector(light, runs)
@@ -130,6 +140,18 @@ def extract_stripe(
         parts.append(_line(nothing, light, run, clear, options.speckle))
     stripe = selected(joined_lines(nothing, parts), options.lines)
     return replace(stripe, uv=stripe.uv + origin)
+
+
+def _scanned(
+    image: NDArray[Any], image_off: NDArray[Any] | None, along: ScanAlong, options: StripeOptions
+) -> Stripe:
+    """One centre in every column or row of the region, those outside the mask left out."""
+    part, origin = part_of(np.shape(image), options.region)
+    check_mask(options.mask, np.shape(image))
+    off = None if image_off is None else image_off[part]
+    found = scanned_stripe(image[part], off, along, options.detector, options.speckle)
+    found = replace(found, uv=found.uv + origin)
+    return found if options.mask is None else found.taken(at_pixels(options.mask, found.uv))
 
 
 def _line(

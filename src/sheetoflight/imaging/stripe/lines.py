@@ -10,9 +10,11 @@ from sheetoflight.errors import InputError
 from sheetoflight.geometry.directions import Array
 from sheetoflight.imaging.stripe.added import Seen, adds_light
 from sheetoflight.imaging.stripe.bridging import bridged
+from sheetoflight.imaging.stripe.brightness import least_by_brightness
 from sheetoflight.imaging.stripe.centres import Centres
 from sheetoflight.imaging.stripe.light import LineLight
 from sheetoflight.imaging.stripe.linking import linked
+from sheetoflight.imaging.stripe.reflections import without_reflections
 from sheetoflight.imaging.stripe.ridges import ridges
 from sheetoflight.imaging.stripe.tracks import centres_along, unbroken
 
@@ -71,12 +73,16 @@ def found_lines(light: LineLight, options: LineOptions) -> list[Centres]:
     if len(found) == 0:
         return []
     part = options.least_contrast if light.differenced else options.least_contrast_single
-    contrast = part * float(np.quantile(found.strength, _BRIGHT_QUANTILE))
+    brightest = float(np.quantile(found.strength, _BRIGHT_QUANTILE))
+    contrast = part * brightest
     seed = max(options.seed_snr * light.noise_std, contrast)
     # A line may fade to half of what it must reach somewhere.
     found = found.taken(found.strength >= max(least, contrast / 2.0))
+    # A pair shows at least what a single picture would.
+    clear = np.minimum(least_by_brightness(light, found), options.least_contrast_single * brightest)
+    found = found.taken(found.strength >= clear)
     chains = linked(found, seed, int(options.least_length_px) // 2)
-    return [
+    runs = [
         _in_reading_order(run)
         for chain in bridged(found, chains)
         for run in unbroken(centres_along(light, found, chain), seed / 2.0)
@@ -84,6 +90,7 @@ def found_lines(light: LineLight, options: LineOptions) -> list[Centres]:
         and _is_line(run, options)
         and adds_light(light, _seen(run))
     ]
+    return without_reflections(runs)
 
 
 def other_centres(runs: list[Centres], index: int) -> Array:
@@ -94,7 +101,7 @@ def other_centres(runs: list[Centres], index: int) -> Array:
 
 def _is_line(run: Centres, options: LineOptions) -> bool:
     width = float(np.median(run.width))
-    length = float(np.linalg.norm(run.uv[-1] - run.uv[0]))
+    length = float(np.linalg.norm(np.ptp(run.uv, axis=0)))  # a ring ends where it begins
     significance = np.median(run.amplitude / run.amplitude_std) * np.sqrt(len(run))
     long_enough = length >= max(options.least_length_px, options.least_widths * width)
     return long_enough and bool(significance >= _LEAST_SIGNIFICANCE)

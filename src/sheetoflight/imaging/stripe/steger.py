@@ -32,8 +32,9 @@ _SIDES = np.linspace(3.0, 5.0, 9)
 _SIDE_ROWS = 31
 _CLEAR_ASYMMETRY = 5.0  # standard deviations
 _MOST_ASYMMETRY = 0.8
-# A bar as wide as the line in the mean square is so much wider in its half width.
-_BAR_HALF_WIDTHS = np.sqrt(3.0)
+# Half width of a bar over the standard deviation of the Gaussian that fits it best: where
+# erf(x/√2)²/x is largest.
+_BAR_HALF_WIDTHS = 1.400
 
 
 def steger_centres(light: LineLight, track: Track) -> Located:
@@ -155,21 +156,26 @@ def _asymmetry_bias(light: LineLight, track: Track, ridge: _Ridge, scale: float)
             ridge.uv[:, None]
             + (sign * reach[:, None] * _SIDES)[..., None] * (ridge.across[:, None])
         )
-        levels.append(np.median(_samples(light.picture, places), axis=1))
+        levels.append(_median_inside(light.picture, places))
     size = min(_SIDE_ROWS, len(track.along))
     # The direction across may turn by 180° between neighbours; the sides are kept in picture order.
     turned = np.sign(np.sum(ridge.across, axis=1) + 1e-12)
-    difference = median_filter((levels[1] - levels[0]) * turned, size, mode="nearest") * turned
+    difference = np.nan_to_num(levels[1] - levels[0])
+    difference = median_filter(difference * turned, size, mode="nearest") * turned
     noise = track.law.std(np.zeros(1))[0] * np.sqrt(np.pi / len(_SIDES) / size)
-    a = np.clip(np.abs(difference) / (track.amplitude + np.abs(difference)), 0.0, _MOST_ASYMMETRY)
+    # The height counts from the mean of both sides, the bar's from the darker one.
+    height = track.amplitude + np.abs(difference) / 2.0
+    a = np.clip(np.abs(difference) / height, 0.0, _MOST_ASYMMETRY)
     half_width = _BAR_HALF_WIDTHS * track.width
     bias = -(scale**2) / (2.0 * half_width) * np.log(1.0 - a) * np.sign(difference)
     return np.where(np.abs(difference) > _CLEAR_ASYMMETRY * noise, bias, 0.0)
 
 
-def _samples(picture: Picture, uv: Array) -> Array:
-    """The nearest pixels' light at points ``(..., 2)``; the border is continued."""
+def _median_inside(picture: Picture, uv: Array) -> Array:
+    """Medians ``(N,)`` of the nearest pixels' light at points ``(N, M, 2)``, NaN where one of the
+    points lies outside the picture."""
     height, width = picture.shape
-    columns = np.clip(np.rint(uv[..., 0]).astype(np.int64), 0, width - 1)
-    rows = np.clip(np.rint(uv[..., 1]).astype(np.int64), 0, height - 1)
-    return picture[rows, columns].astype(float)
+    columns, rows = np.rint(uv[..., 0]).astype(np.int64), np.rint(uv[..., 1]).astype(np.int64)
+    inside = (columns >= 0) & (columns < width) & (rows >= 0) & (rows < height)
+    light = picture[np.clip(rows, 0, height - 1), np.clip(columns, 0, width - 1)].astype(float)
+    return np.where(inside.all(axis=1), np.median(light, axis=1), np.nan)
