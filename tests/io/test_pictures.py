@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import io
+import re
 import struct
 import subprocess
 import sys
@@ -18,7 +20,14 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
 from sheetoflight.errors import FileError, InputError
-from sheetoflight.io.pictures import PictureFile, list_pictures, read_picture, write_picture
+from sheetoflight.io.frames import list_frames
+from sheetoflight.io.pictures import (
+    PictureFile,
+    in_order_of_names,
+    list_pictures,
+    read_picture,
+    write_picture,
+)
 
 RNG = np.random.default_rng(2)
 GREY = RNG.integers(0, 256, (40, 50), dtype=np.uint8)
@@ -128,6 +137,39 @@ def test_tiff_that_only_opencv_unpacks_is_read(tmp_path: Path):
     lzw = 5
     content = encoded(".tif", GREY_16, cv2.IMWRITE_TIFF_COMPRESSION, lzw)
     np.testing.assert_array_equal(read(tmp_path, content), GREY_16)
+
+
+@pytest.mark.parametrize("number", [8, 32946])
+@pytest.mark.parametrize("picture", TYPES.values(), ids=TYPES)
+def test_damage_in_a_deflated_tiff_is_found_wherever_it_is(
+    tmp_path: Path, picture: np.ndarray, number: int, capfd: pytest.CaptureFixture[str]
+):
+    """Every strip is a stream of zlib's (RFC 1950), which ends in a checksum of what it holds."""
+    content = bytearray(encoded(".tif", picture, cv2.IMWRITE_TIFF_COMPRESSION, number))
+    with tifffile.TiffFile(io.BytesIO(content)) as file:
+        page = file.pages.first
+        assert page.compression == number
+        extents = list(zip(page.dataoffsets, page.databytecounts, strict=True))
+    np.testing.assert_array_equal(read(tmp_path, bytes(content)), picture)
+    capfd.readouterr()
+    places = [place for offset, length in extents for place in range(offset, offset + length, 97)]
+    for place in [*places, sum(extents[-1]) - 1]:
+        content[place] ^= 0x10
+        with pytest.raises(FileError, match="picture is damaged"):
+            read(tmp_path, bytes(content))
+        content[place] ^= 0x10
+    assert capfd.readouterr() == ("", "")
+
+
+@pytest.mark.parametrize("number", [1, 8])
+def test_colours_by_a_table_are_read(tmp_path: Path, number: int):
+    """Which tifffile leaves to others."""
+    table = RNG.integers(0, 256, (3, 256), dtype=np.uint16)
+    tifffile.imwrite(
+        tmp_path / "p.tif", GREY, photometric="palette", colormap=table * 257, compression=number
+    )
+    blue_green_red = np.moveaxis(table.astype(np.uint8)[::-1, GREY], 0, -1)
+    np.testing.assert_array_equal(read_picture(tmp_path / "p.tif"), blue_green_red)
 
 
 def test_transparency_is_left_out(tmp_path: Path):
@@ -309,6 +351,23 @@ def test_a_folder_is_listed_by_name_in_pairs(tmp_path: Path):
         PictureFile("c", tmp_path / "c_on.jpg"),
         PictureFile("d", tmp_path / "d_off.bmp"),
     ]
+
+
+def test_numbers_in_names_count_by_their_value(tmp_path: Path):
+    touch(tmp_path, *(f"f_{i}x{j}.png" for i in (10, 9, 1) for j in (2, 10)), "f.png")
+    names = [file.name for file in list_pictures(tmp_path)]
+    assert names == ["f", "f_1x2", "f_1x10", "f_9x2", "f_9x10", "f_10x2", "f_10x10"]
+    frames = [frame.name for frame in list_frames([tmp_path])]
+    assert frames == names
+
+
+@given(st.lists(st.text("a0129_", max_size=6), unique=True))
+def test_every_name_has_its_place(names: list[str]):
+    """Names that differ are never equals, and zeros before a number do not move it."""
+    found = sorted(names, key=in_order_of_names)
+    assert found == sorted(sorted(names), key=in_order_of_names)
+    padded = [re.sub(r"\d+", lambda number: number[0].zfill(8), name) for name in found]
+    assert padded == sorted(padded)
 
 
 @pytest.mark.parametrize(

@@ -2,24 +2,32 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, TypeVar
+from typing import Annotated, TypeVar, get_args
 
 import numpy as np
 from cyclopts import Parameter
 
-from sheetoflight.cli.telling import warn
+from sheetoflight.cli.telling import refuse_to_overwrite, warn
 from sheetoflight.errors import InputError, UntrustworthyError
-from sheetoflight.imaging.stripe.extraction import ScanAlong, StripeOptions
+from sheetoflight.imaging.stripe.extraction import StripeOptions
+from sheetoflight.imaging.stripe.scan.scanner import Detector as ScanDetector
+from sheetoflight.imaging.stripe.scanning import ScanAlong
 from sheetoflight.imaging.stripe.selection import Which
 from sheetoflight.imaging.stripe.speckle import Speckle
+from sheetoflight.io.atomic import written_whole
 from sheetoflight.io.frames import DamagedFrame, Frame
 from sheetoflight.io.pictures import read_picture
+from sheetoflight.io.quoting import file_name
 from sheetoflight.workflow.stripes import mask_of
 
 Result = TypeVar("Result")
+
+Strict = Annotated[bool, Parameter(name="--strict", negative=())]
+"""The flag of commands that finish what they can, and may be asked to fail after it."""
 
 _MOST_TOLD = 10
 
@@ -34,8 +42,8 @@ class Looking:
         thin, centroid, fir, blais-rioux, parabola, gaussian, steger; or auto, which chooses by
         width, saturation and noise and says what it chose.
     lines
-        Where several lines cross the same row (or column): all, the brightest, the first from the
-        left (top), or the last.
+        Which to keep where several lines cross the same row (or column): all, the brightest, the
+        first from the left (top), or the last.
     scan
         For profile sensors, at camera rate: one centre in each of the columns, or of the rows.
         Left out, lines of any direction are looked for everywhere.
@@ -61,6 +69,11 @@ class Looking:
     @property
     def options(self) -> StripeOptions:
         """The options as the library takes them."""
+        if self.scan and self.detector not in ("auto", *get_args(ScanDetector)):
+            raise InputError(
+                f"--scan does not work with the detector {self.detector!r}",
+                f"choose auto | {' | '.join(get_args(ScanDetector))}, or leave out --scan",
+            )
         return StripeOptions(
             detector=self.detector,
             lines=self.lines,
@@ -75,6 +88,11 @@ class Looking:
         """The picture with the laser off, where one is given for all."""
         return None if self.off is None else read_picture(self.off)
 
+    @property
+    def files(self) -> list[Path]:
+        """What is read besides the pictures."""
+        return [path for path in (self.mask, self.off) if path]
+
 
 LookFor = Annotated[Looking, Parameter(name="*")]
 """The options of a command that looks for the line."""
@@ -84,12 +102,58 @@ BY_DEFAULT = Looking()
 """Everywhere, by the detector that suits."""
 
 
-class Damage:
-    """Counts frames that could not be used, and tells of the first of them."""
+class _AbandonedError(Exception):
+    """Nothing is to be written after all."""
 
-    def __init__(self) -> None:
+
+def check_output(output: Path, read: Iterable[Path]) -> None:
+    """Refuse an output that cannot be, before the work that it is for.
+
+    Raises
+    ------
+    FileError
+        If it cannot be written where it is to be.
+    InputError
+        If it is one of the files that are read, under whatever name, or a rig folder's own.
+    """
+    with suppress(_AbandonedError), written_whole(output):
+        raise _AbandonedError
+    there = output.exists()
+    refuse_to_overwrite(output, [path for path in read if there and _is_same(path, output)])
+
+
+def _is_same(path: Path, other: Path) -> bool:
+    try:
+        return path.samefile(other)
+    except OSError:
+        return False
+
+
+def counted(number: int, thing: str) -> str:
+    """So many of a thing.
+
+    Examples
+    --------
+    >>> counted(1, "picture"), counted(0, "picture")
+    ('1 picture', '0 pictures')
+    """
+    return f"{number} {thing}" if number == 1 else f"{number} {thing}s"
+
+
+class Damage:
+    """Counts frames that could not be used, and tells of the first of them.
+
+    Parameters
+    ----------
+    keep : bool
+        Remember all of them in `frames`, else as many as are told.
+    """
+
+    def __init__(self, keep: bool = False) -> None:
         self.frames: list[DamagedFrame] = []
+        self.count = 0
         self.used = 0
+        self._keep, self._told = keep, 0
 
     def sound(
         self, found: Iterable[tuple[Frame, Result | DamagedFrame]]
@@ -99,7 +163,7 @@ class Damage:
             if isinstance(result, DamagedFrame):
                 self._note(result)
             else:
-                self.used += 1
+                self._use()
                 yield frame, result
 
     def judge(self, lines: int) -> None:
@@ -113,11 +177,11 @@ class Damage:
             If there is no line in any of them.
         """
         if self.used == 0:
-            raise InputError(*_told_why(self.frames))
+            raise InputError(*_told_why(self.frames, self.count))
         if lines == 0:
             raise UntrustworthyError(
-                "find the line",
-                f"no laser line in {self.used} pictures",
+                "stripe",
+                f"no laser line in {counted(self.used, 'picture')}",
                 "see that the laser is on and its line bright and narrow; give a picture with the "
                 "laser off with --off, or choose the part to look in with --region",
             )
@@ -129,24 +193,45 @@ class Damage:
         ------
         InputError
         """
-        if self.frames:
+        if self.count:
             raise InputError(
-                f"{len(self.frames)} of {self.used + len(self.frames)} pictures could not be used",
+                f"{self.count} of {counted(self.used + self.count, 'picture')} could not be used",
                 "record them again; what could be read was finished",
             )
 
+    @property
+    def ending(self) -> str:
+        """How many were left out, as the end of a sentence; empty where none was."""
+        return f", {self.count} skipped" if self.count else ""
+
+    def skipped(self) -> list[dict[str, str]]:
+        """The frames that could not be used, for programs."""
+        return [{"image": file_name(one.frame.name), "why": one.why} for one in self.frames]
+
+    def _use(self) -> None:
+        self.used += 1
+        if self.used == 1:
+            self._tell()
+
     def _note(self, damaged: DamagedFrame) -> None:
-        self.frames.append(damaged)
-        if len(self.frames) <= _MOST_TOLD:
+        self.count += 1
+        if self._keep or self.count <= _MOST_TOLD:
+            self.frames.append(damaged)
+        if self.used:  # until then it may become the error that all have in common
+            self._tell()
+
+    def _tell(self) -> None:
+        for damaged in self.frames[self._told : _MOST_TOLD]:
             warn(f"{damaged.why} (skipped)")
-        elif len(self.frames) == _MOST_TOLD + 1:
+        if self.count > _MOST_TOLD >= self._told:
             warn("further pictures that cannot be used are counted, not named")
+        self._told = self.count
 
 
-def _told_why(frames: list[DamagedFrame]) -> tuple[str, str]:
+def _told_why(frames: Sequence[DamagedFrame], count: int) -> tuple[str, str]:
     if not frames:
         return "there is no picture", "name pictures, folders, stacks or videos"
     what, _, remedy = frames[0].why.partition(" – ")
-    if len(frames) > 1:
-        what = f"none of {len(frames)} pictures could be used; the first: {what}"
+    if count > 1:
+        what = f"none of {count} pictures could be used; the first: {what}"
     return what, remedy or "record it again"

@@ -45,23 +45,29 @@ def is_tiff(data: bytes) -> bool:
 
 
 @contextmanager
+def silent(logger_name: str) -> Iterator[None]:
+    """A library's words on damaged files kept from standard error: they name no file."""
+    logger = logging.getLogger(logger_name)
+    was_disabled, logger.disabled = logger.disabled, True
+    try:
+        yield
+    finally:
+        logger.disabled = was_disabled
+
+
+@contextmanager
 def tiff_page(data: bytes) -> Iterator[tuple[tifffile.TiffPage, int]]:
     """The first page of a TIFF, and how many there are, thumbnails left out.
 
-    What tifffile logs of a damaged file is kept from standard error: it names no file.
+    What tifffile logs of a damaged file is kept from standard error.
     """
-    logger = logging.getLogger("tifffile")
-    was_disabled, logger.disabled = logger.disabled, True
-    try:
-        with tifffile.TiffFile(io.BytesIO(data)) as file:
-            pages = [
-                page
-                for page in file.pages
-                if isinstance(page, tifffile.TiffPage) and not page.is_reduced
-            ]
-            yield pages[0], len(pages)
-    finally:
-        logger.disabled = was_disabled
+    with silent("tifffile"), tifffile.TiffFile(io.BytesIO(data)) as file:
+        pages = [
+            page
+            for page in file.pages
+            if isinstance(page, tifffile.TiffPage) and not page.is_reduced
+        ]
+        yield pages[0], len(pages)
 
 
 def claims(data: bytes) -> Claims | None:
@@ -144,14 +150,21 @@ def _bmp(data: bytes) -> Claims:
 def _tiff(data: bytes) -> Claims:
     try:
         with tiff_page(data) as (page, count):
-            extents = zip(page.dataoffsets, page.databytecounts, strict=True)
-            whole = all(0 < length <= len(data) - offset for offset, length in extents)
             found = Claims(int(page.imagewidth), int(page.imagelength), count)
-            sane = page.nbytes <= _MOST_BYTES_PER_PIXEL * found.width * found.height
+            fault = fault_of(page, len(data))
     except Exception as error:  # of a damaged file tifffile lets out errors of any type
         raise DamagedPictureError("its directory makes no sense") from error
-    if not whole:
-        raise DamagedPictureError("it is cut short")
-    if not sane:
-        raise DamagedPictureError("it claims more samples in a pixel than a picture has")
+    if fault:
+        raise DamagedPictureError(f"it {fault}")
     return found
+
+
+def fault_of(page: tifffile.TiffPage, size: int) -> str:
+    """What is wrong with a page's claims in a TIFF of so many bytes; empty where nothing is."""
+    offsets, lengths = page.dataoffsets, page.databytecounts
+    extents = zip(offsets, lengths, strict=False)
+    if len(offsets) != len(lengths) or not all(0 < n <= size - place for place, n in extents):
+        return "is cut short"
+    if page.nbytes > _MOST_BYTES_PER_PIXEL * page.imagewidth * page.imagelength:
+        return "claims more samples in a pixel than a picture has"
+    return ""

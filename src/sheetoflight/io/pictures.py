@@ -2,31 +2,42 @@
 
 from __future__ import annotations
 
-import os
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+import re
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-import tifffile
 from numpy.typing import NDArray
 
 from sheetoflight.errors import FileError, InputError
 from sheetoflight.io.atomic import write_whole
-from sheetoflight.io.picture_checks import Claims, DamagedPictureError, claims, is_tiff, tiff_page
+from sheetoflight.io.picture_checks import Claims, DamagedPictureError, claims
+from sheetoflight.io.picture_decoding import (
+    MAX_PIXELS,
+    Picture,
+    as_png,
+    decoded_picture,
+    is_picture,
+    refuse_many_pixels,
+    refuse_other_samples,
+)
 from sheetoflight.io.quoting import file_name, one_line
 from sheetoflight.io.reading import read_bytes
 
-MAX_PIXELS = 200_000_000
-"""More than any camera of today; what claims more is damaged or meant to do harm."""
-
-# Formats whose header is not read here are held to the same limit by the decoder itself, which
-# asks for it when it is loaded; a limit that the user has set stands.
-os.environ.setdefault("OPENCV_IO_MAX_IMAGE_PIXELS", str(MAX_PIXELS))
-
-import cv2  # noqa: E402 – see above
+__all__ = [
+    "ENDINGS",
+    "MAX_PIXELS",
+    "Picture",
+    "PictureFile",
+    "holds_pictures",
+    "in_order_of_names",
+    "list_pictures",
+    "picture_files",
+    "read_picture",
+    "write_picture",
+]
 
 ENDINGS = frozenset(
     (
@@ -37,11 +48,6 @@ ENDINGS = frozenset(
 """Endings of picture files, in lower case."""
 
 _BYTES_PER_PIXEL = 8
-_DECODER_LOG: Any = getattr(cv2.utils, "logging", cv2)  # OpenCV 5 and 4 keep it in two places
-_SILENT = 0
-_DECODING = cv2.IMREAD_ANYDEPTH | cv2.IMREAD_ANYCOLOR | cv2.IMREAD_IGNORE_ORIENTATION
-
-Picture = NDArray[np.uint8] | NDArray[np.uint16]
 
 
 @dataclass(frozen=True)
@@ -82,7 +88,8 @@ def read_picture(path: str | Path, max_pixels: int = MAX_PIXELS) -> Picture:
     ------
     FileError
         If the file is missing, damaged, cut short, no picture, too large, holds several
-        pictures, or samples that are neither 8 nor 16 bit.
+        pictures, or samples that are neither 8 nor 16 bit. (Damage inside the packed data of a
+        JPEG, or of a TIFF that is packed by LZW or PackBits, leaves no trace that could be found.)
     """
     name = file_name(path)
     data = read_bytes(path, max_pixels * _BYTES_PER_PIXEL)
@@ -96,7 +103,7 @@ def read_picture(path: str | Path, max_pixels: int = MAX_PIXELS) -> Picture:
         ) from error
     if stated:
         _check_claims(name, stated, max_pixels)
-    picture = _decoded(data)
+    picture = decoded_picture(data)
     if picture is None:
         raise FileError(
             f"{name} is damaged or in a format that cannot be read",
@@ -125,17 +132,18 @@ def write_picture(path: str | Path, picture: Picture) -> None:
     if Path(path).suffix.lower() != ".png":
         raise InputError(f"{file_name(path)} does not end in .png", "pictures are written as PNG")
     array = np.asarray(picture)
-    if not _is_picture(array):
+    if not is_picture(array):
         raise InputError(
             f"a picture for {file_name(path)} has shape {array.shape} and type {array.dtype}",
             "give (height, width) or (height, width, 3) of uint8 or uint16",
         )
-    _, encoded = cv2.imencode(".png", array)
-    write_whole(path, encoded.tobytes())
+    write_whole(path, as_png(array))
 
 
 def list_pictures(folder: str | Path) -> list[PictureFile]:
     """The pictures of a folder by name, ``NAME_off.*`` and ``NAME_on.*`` joined to one.
+
+    Numbers in names count by their value: see `in_order_of_names`.
 
     One of a pair alone is a picture by itself, called NAME too. Hidden files, folders, and
     files with other endings are left out.
@@ -185,7 +193,21 @@ def picture_files(paths: Sequence[Path]) -> list[PictureFile]:
                 "remove or rename one of them",
             )
         found[key] = path
-    return [_picture_file(name, found) for name in sorted({name for name, _ in found})]
+    names = sorted({name for name, _ in found}, key=in_order_of_names)
+    return [_picture_file(name, found) for name in names]
+
+
+def in_order_of_names(name: str) -> tuple[tuple[tuple[str, int], ...], str]:
+    """By what names are sorted, so that numbers in them count by their value.
+
+    Examples
+    --------
+    >>> sorted(["f10", "f2", "f02", "e"], key=in_order_of_names)
+    ['e', 'f02', 'f2', 'f10']
+    """
+    parts = re.split(r"(\d+)", name, flags=re.ASCII)
+    numbers = [int(number) for number in parts[1::2]]
+    return tuple(zip(parts[::2], [*numbers, -1], strict=True)), name
 
 
 def _picture_paths(folder: Path) -> list[Path]:
@@ -223,11 +245,7 @@ def _picture_file(name: str, found: dict[tuple[str, str], Path]) -> PictureFile:
 
 
 def _check_claims(name: str, stated: Claims, max_pixels: int) -> None:
-    if stated.width * stated.height > max_pixels:
-        raise FileError(
-            f"{name} has {stated.width} × {stated.height} px, more than {max_pixels} in all",
-            "give a smaller picture",
-        )
+    refuse_many_pixels(name, stated.width, stated.height, max_pixels)
     if stated.pictures > 1:
         raise FileError(
             f"{name} holds {stated.pictures} pictures, expected one",
@@ -235,65 +253,13 @@ def _check_claims(name: str, stated: Claims, max_pixels: int) -> None:
         )
 
 
-def _decoded(data: bytes) -> NDArray[Any] | None:
-    """A TIFF by tifffile where it can, all else by OpenCV; None where neither can."""
-    picture = _decoded_by_tifffile(data) if is_tiff(data) else None
-    if picture is not None:
-        return picture
-    try:
-        with _silent_decoder():
-            return cv2.imdecode(np.frombuffer(data, np.uint8), _DECODING)
-    except cv2.error:
-        return None
-
-
-def _decoded_by_tifffile(data: bytes) -> NDArray[Any] | None:
-    """Grey and red-green-blue pages; None for other kinds, and for what it cannot unpack."""
-    try:
-        with tiff_page(data) as (page, _):
-            picture, photometric, planar = page.asarray(), page.photometric, page.planarconfig
-    except Exception:  # of a damaged file tifffile lets out errors of any type
-        return None
-    if photometric == tifffile.PHOTOMETRIC.RGB and picture.ndim == 3:
-        colours_last = picture if planar == 1 else np.moveaxis(picture, 0, -1)
-        return np.ascontiguousarray(colours_last[..., 2::-1])
-    if photometric == tifffile.PHOTOMETRIC.MINISWHITE and picture.dtype.kind == "u":
-        return np.iinfo(picture.dtype).max - picture
-    return picture if photometric == tifffile.PHOTOMETRIC.MINISBLACK else None
-
-
-@contextmanager
-def _silent_decoder() -> Iterator[None]:
-    """OpenCV's own words on damaged files kept from standard error: they name no file."""
-    level = _DECODER_LOG.getLogLevel()
-    _DECODER_LOG.setLogLevel(_SILENT)
-    try:
-        yield
-    finally:
-        _DECODER_LOG.setLogLevel(level)
-
-
 def _checked(name: str, picture: NDArray[Any], stated: Claims | None, max_pixels: int) -> Picture:
-    if not _is_picture(picture):
-        raise FileError(
-            f"{name} holds {picture.dtype} samples in shape {picture.shape}, expected 8 or 16 bit "
-            "in grey or colour",
-            "save it as 8- or 16-bit PNG or TIFF",
-        )
+    refuse_other_samples(name, picture)
     height, width = picture.shape[:2]
     if stated and (width, height) != (stated.width, stated.height):
         raise FileError(
             f"{name} states {stated.width} × {stated.height} px and holds {width} × {height}",
             "copy or record the picture again",
         )
-    if width * height > max_pixels:
-        raise FileError(
-            f"{name} has {width} × {height} px, more than {max_pixels} in all",
-            "give a smaller picture",
-        )
+    refuse_many_pixels(name, width, height, max_pixels)
     return picture
-
-
-def _is_picture(array: NDArray[Any]) -> bool:
-    grey_or_colour = array.ndim == 2 or (array.ndim == 3 and array.shape[2] == 3)
-    return array.dtype in (np.uint8, np.uint16) and grey_or_colour and array.size > 0

@@ -12,6 +12,7 @@ from sheetoflight.errors import InputError
 from sheetoflight.imaging.stripe.extraction import StripeOptions, extract_stripe
 from sheetoflight.io.frames import DamagedFrame, Frame
 from sheetoflight.io.pictures import Picture, read_picture
+from sheetoflight.io.quoting import file_name
 from sheetoflight.model.stripe import Stripe
 from sheetoflight.workflow.spread import ALONE, Execution
 from sheetoflight.workflow.streamed import stream
@@ -37,16 +38,24 @@ def find_stripes(
     run : Execution
     """
     work = partial(stripe_of, options=options or StripeOptions(), background=background)
-    yield from stream(work, frames, WHAT, run)
+    return stream(work, frames, WHAT, run)
 
 
 def mask_of(path: Path) -> np.ndarray:
-    """A picture that is bright where to look, as a mask ``(H, W)``."""
+    """A picture that is bright where to look, as a mask ``(H, W)``.
+
+    Raises
+    ------
+    FileError
+        If it cannot be read.
+    InputError
+        If it is black.
+    """
     picture = read_picture(path)
     grey = picture if picture.ndim == 2 else picture.max(axis=2)
     mask = grey > grey.max() // 2
     if not mask.any():
-        raise InputError(f"the mask {path.name} is black", "paint white where to look")
+        raise InputError(f"the mask {file_name(path)} is black", "paint white where to look")
     return mask
 
 

@@ -16,7 +16,13 @@ from sheetoflight.io.frames import hdf5_stack, tiff_stack
 from sheetoflight.io.frames.frame import Frame
 from sheetoflight.io.frames.kinds import STACK_ENDINGS, opened
 from sheetoflight.io.frames.opened import refuse_no_file, refusing
-from sheetoflight.io.pictures import ENDINGS, MAX_PIXELS, PictureFile, picture_files
+from sheetoflight.io.pictures import (
+    ENDINGS,
+    MAX_PIXELS,
+    PictureFile,
+    in_order_of_names,
+    picture_files,
+)
 from sheetoflight.io.quoting import file_name
 
 
@@ -55,6 +61,13 @@ class FrameList(Sequence[Frame]):
     def __len__(self) -> int:
         return len(self._which)
 
+    @property
+    def files(self) -> list[Path]:
+        """The files that are read, of a pair the one with the laser on first; those too from
+        which a part of the list takes no frame."""
+        pairs = ((source.path, source.laser_off) for source in self._sources)
+        return [path for pair in pairs for path in pair if path]
+
     @overload
     def __getitem__(self, index: int) -> Frame: ...
 
@@ -73,7 +86,8 @@ def list_frames(paths: Sequence[str | Path], max_pixels: int = MAX_PIXELS) -> Fr
     """The frames of pictures, folders, stacks and videos, in the order of the paths.
 
     ``NAME_off.*`` and ``NAME_on.*`` of one folder and kind are a pair, be they pictures or
-    stacks. A folder's files come by name. Names that would not be unique get the path before them.
+    stacks. A folder's files come by name, numbers in names by their value: frame_2 before frame_10.
+    Names that would not be unique get the path before them.
 
     Parameters
     ----------
@@ -91,15 +105,21 @@ def list_frames(paths: Sequence[str | Path], max_pixels: int = MAX_PIXELS) -> Fr
         have the same name, or a pair of stacks has unequal lengths.
     """
     named = list(dict.fromkeys(Path(path) for path in paths))
-    single = _joined(path for path in named if not path.is_dir())
+    folders = {path for path in named if _is_folder(path)}
+    single = _joined(path for path in named if path not in folders)
     sources: dict[_Source, None] = {}
     for path in named:
-        found = _in_folder(path) if path.is_dir() else [single[path]]
+        found = _in_folder(path) if path in folders else [single[path]]
         sources |= dict.fromkeys(found)
     counted = [_counted(source, max_pixels) for source in _uniquely_named(sources)]
     counts = (1 if source.frames is None else source.frames for source in counted)
     ends = array("q", accumulate(counts))
     return FrameList(counted, ends, range(ends[-1] if ends else 0))
+
+
+def _is_folder(path: Path) -> bool:
+    with refusing(path):  # a folder above it that may not be entered, a name that is too long
+        return path.is_dir()
 
 
 def _in_folder(folder: Path) -> list[_Source]:
@@ -116,7 +136,7 @@ def _in_folder(folder: Path) -> list[_Source]:
             f"{file_name(folder)} holds no picture, stack or video",
             f"put some there ({' '.join(sorted(ENDINGS | STACK_ENDINGS))})",
         )
-    return sorted(set(_joined(paths).values()), key=lambda source: source.name)
+    return sorted(set(_joined(paths).values()), key=lambda source: in_order_of_names(source.name))
 
 
 def _joined(paths: Iterable[Path]) -> dict[Path, _Source]:

@@ -16,17 +16,20 @@ import tifffile
 from numpy.typing import NDArray
 
 from sheetoflight.errors import FileError
-from sheetoflight.io.frames.opened import refuse_no_file, refusing, silent, silent_decoder
+from sheetoflight.io.frames.opened import refuse_no_file, refusing
 from sheetoflight.io.frames.tiff_directories import Directories, directories
-from sheetoflight.io.pictures import Picture
+from sheetoflight.io.picture_checks import fault_of, silent
+from sheetoflight.io.picture_decoding import (
+    DECODING,
+    Picture,
+    blue_green_red,
+    decoded_page,
+    refuse_many_pixels,
+    refuse_other_samples,
+)
 from sheetoflight.io.quoting import file_name
 
 ENDINGS = frozenset((".tif", ".tiff"))
-
-_DECODING = cv2.IMREAD_ANYDEPTH | cv2.IMREAD_ANYCOLOR | cv2.IMREAD_IGNORE_ORIENTATION
-_MOST_BYTES_PER_PIXEL = 32
-_UNPACKED_BY_TIFFFILE = (1, 8, 32946)
-"""None, and both numbers of Deflate. OpenCV would give black where these are damaged."""
 
 _AGAIN = "copy or record it again"
 
@@ -97,23 +100,13 @@ class TiffStack:
             raise FileError(f"{name} is damaged: its directory makes no sense", _AGAIN) from error
 
     def _decoded(self, page: tifffile.TiffPage, index: int) -> NDArray[Any] | None:
-        """By tifffile where it can, else by OpenCV; None where neither can."""
-        try:
-            with silent("tifffile"):
-                samples = _blue_green_red(page, page.asarray())
-        except Exception:  # as above, and for packings that it leaves to others
-            samples = None
-            if page.compression in _UNPACKED_BY_TIFFFILE:
-                return None
-        if samples is not None:
-            return samples
         number = self.pages.numbers[index]
-        try:
-            with silent_decoder():
-                found, pictures = cv2.imreadmulti(str(self.path), number, 1, flags=_DECODING)
-        except (cv2.error, UnicodeError):
-            return None
-        return pictures[0] if found and len(pictures) == 1 else None
+
+        def by_opencv() -> NDArray[Any] | None:
+            found, pictures = cv2.imreadmulti(str(self.path), number, 1, flags=DECODING)
+            return pictures[0] if found and len(pictures) == 1 else None
+
+        return decoded_page(page, by_opencv)
 
     def _of_run(self, index: int, run: _Run) -> Picture:
         if index >= run.whole:
@@ -129,7 +122,7 @@ class TiffStack:
         dtype = np.dtype(page.dtype).newbyteorder(self.file.byteorder)
         samples = np.frombuffer(self.file.filehandle.read(page.nbytes), dtype)
         native = samples.astype(page.dtype).reshape(page.shape)
-        return _checked(name, page, _blue_green_red(page, native))
+        return _checked(name, page, blue_green_red(page, native))
 
 
 @contextmanager
@@ -216,40 +209,16 @@ def _stated_frames(page: Any) -> int:
 
 def _refuse_claims(name: str, page: tifffile.TiffPage, size: int, max_pixels: int) -> None:
     """Refuse a page before anything makes room for it."""
-    width, height = int(page.imagewidth), int(page.imagelength)
-    if width * height > max_pixels:
-        raise FileError(
-            f"{name} has {width} × {height} px, more than {max_pixels} in all",
-            "give a smaller picture",
-        )
-    if page.nbytes > _MOST_BYTES_PER_PIXEL * width * height:
-        raise FileError(f"{name} claims more samples in a pixel than a picture has", _AGAIN)
-    extents = zip(page.dataoffsets, page.databytecounts, strict=False)
-    if not all(0 < length <= size - offset for offset, length in extents):
-        raise FileError(f"{name} is cut short", _AGAIN)
-
-
-def _blue_green_red(page: tifffile.TiffPage, samples: NDArray[Any]) -> NDArray[Any] | None:
-    """Grey, or blue, green, red; None for other kinds of colour, which OpenCV knows."""
-    kind = page.photometric
-    if kind == tifffile.PHOTOMETRIC.RGB and samples.ndim == 3:
-        last = samples if page.planarconfig == 1 else np.moveaxis(samples, 0, -1)
-        return np.ascontiguousarray(last[..., 2::-1])
-    if kind == tifffile.PHOTOMETRIC.MINISWHITE and samples.dtype.kind == "u":
-        return np.iinfo(samples.dtype).max - samples
-    return samples if kind == tifffile.PHOTOMETRIC.MINISBLACK else None
+    refuse_many_pixels(name, int(page.imagewidth), int(page.imagelength), max_pixels)
+    fault = fault_of(page, size)
+    if fault:
+        raise FileError(f"{name} {fault}", _AGAIN)
 
 
 def _checked(name: str, page: tifffile.TiffPage, samples: NDArray[Any] | None) -> Picture:
     if samples is None:
         raise FileError(f"{name} is damaged or packed in a way that is not read", _AGAIN)
-    grey_or_colour = samples.ndim == 2 or (samples.ndim == 3 and samples.shape[2] == 3)
-    if samples.dtype not in (np.uint8, np.uint16) or not grey_or_colour:
-        raise FileError(
-            f"{name} holds {samples.dtype} samples in shape {samples.shape}, expected 8 or 16 bit "
-            "in grey or colour",
-            "save it as 8- or 16-bit TIFF",
-        )
+    refuse_other_samples(name, samples)
     if samples.shape[:2] != (page.imagelength, page.imagewidth):
         raise FileError(f"{name} holds another size than it states", _AGAIN)
     return samples

@@ -14,7 +14,7 @@ import cv2
 import numpy as np
 
 from sheetoflight.errors import FileError
-from sheetoflight.io.frames.opened import refuse_no_file, refusing, silent_decoder
+from sheetoflight.io.frames.opened import refuse_no_file, refusing
 from sheetoflight.io.frames.video_times import (
     ENDINGS,
     Times,
@@ -22,7 +22,7 @@ from sheetoflight.io.frames.video_times import (
     refuse_other_formats,
     times_of,
 )
-from sheetoflight.io.pictures import Picture
+from sheetoflight.io.picture_decoding import Picture, silent_decoder
 from sheetoflight.io.quoting import file_name
 
 __all__ = ["ENDINGS", "Video", "open_video"]

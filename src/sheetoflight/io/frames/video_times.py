@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from sheetoflight.errors import FileError
-from sheetoflight.io.frames.opened import silent_decoder
+from sheetoflight.io.picture_decoding import silent_decoder
 from sheetoflight.io.quoting import file_name
 
 # Its words on damaged files name no file; read by the library when it opens its first video.
