@@ -7,7 +7,7 @@ so the integral is a second difference of the Gaussian's second antiderivative.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,6 +17,7 @@ from sheetoflight.geometry.directions import Array
 
 DARK_LEVEL = 20.0
 _FLAT = 1e-6
+_VISIBLE_WIDTHS = 2.0
 
 
 @dataclass(frozen=True)
@@ -62,6 +63,27 @@ class DrawnLine:
         return (uv - middle) @ self.across - self.offset
 
     @property
+    def by_rows(self) -> bool:
+        """Whether it crosses more rows than columns."""
+        return bool(np.abs(self.across[0]) > np.abs(self.across[1]))
+
+    @property
+    def crossed(self) -> NDArray[np.int64]:
+        """The rows (columns, where it runs along the rows) that it crosses inside the picture."""
+        axis = 0 if self.by_rows else 1
+        middle = (np.array(self.shape[::-1]) - 1.0) / 2.0
+        steps = np.arange(self.shape[axis]) - middle[1 - axis]
+        along, across = self.across[1 - axis], self.across[axis]
+        place = (self.offset - steps * along) / across
+        return np.flatnonzero(np.abs(place) <= middle[axis] + 0.5)
+
+    def clipped(self, share: float) -> DrawnLine:
+        """The same line so bright that the sensor is full over a share of its visible width,
+        ± 2 standard deviations."""
+        over = np.exp(0.5 * (_VISIBLE_WIDTHS * share) ** 2)
+        return replace(self, amplitude=float(over) * (self.full - DARK_LEVEL))
+
+    @property
     def light(self) -> Array:
         """Noise-free light ``(H, W)`` over the dark level, grey levels."""
         rows, columns = np.indices(self.shape)
@@ -98,7 +120,8 @@ class DrawnLine:
         t = (np.arange(-60, 61) + phases) * step
         eps = 1e-4
         slope = (
-            _pixel_mean(t + eps, self.width, projected) - _pixel_mean(t - eps, self.width, projected)
+            _pixel_mean(t + eps, self.width, projected)
+            - _pixel_mean(t - eps, self.width, projected)
         ) / (2.0 * eps)
         information = np.sum((self.amplitude * slope) ** 2, axis=1).mean()
         return float(np.sqrt((self.noise**2 + 1.0 / 12.0) / information))

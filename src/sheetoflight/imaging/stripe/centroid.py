@@ -43,7 +43,10 @@ def centroid_centres(light: LineLight, track: Track) -> Located:
         -0.5 * ((rows.x - centre[:, None]) / width[:, None]) ** 2
     )
     std = np.sqrt(np.sum(kernel**2 * track.law.variance(light_there), axis=1)) * track.cosine
-    return Located(track.uv(centre + rows.first), std, still & np.isfinite(std))
+    share, _ = _window(rows.x, centre[:, None], half)
+    whole = ~((share > 0.0) & (rows.weights == 0.0)).any(axis=1)  # inside the picture
+    good = still & whole & np.isfinite(std)
+    return Located(track.uv(centre + rows.first), std, good)
 
 
 def _without_background(samples: Array, operator: Array, x: Array, centre: Array) -> Array:

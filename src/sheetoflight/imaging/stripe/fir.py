@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import NDArray
 
 from sheetoflight.geometry.directions import Array
 from sheetoflight.imaging.stripe.centres import Located, Track
@@ -14,6 +15,7 @@ _TAPS_PER_SCALE = 4.0
 _NARROW_PX = 1.5  # up to this width along the row the four-tap filter is used
 _NODES = np.arange(-1.0, 3.0)  # of the cubic through four answers, from the last positive one
 _STEPS = 6
+_MOST_OUTSIDE = 0.01
 
 
 def fir_centres(light: LineLight, track: Track) -> Located:
@@ -53,7 +55,7 @@ def _zeros(light: LineLight, track: Track, taps: Array, cubic: bool) -> Located:
     t = _root(values)
     weights, slope = _lagrange(t)
     steepness = np.sum(slope * values, axis=1)
-    kernel = _kernel(weights, taps)
+    kernel = _kernel(weights if cubic else _between(t), taps)
     places = left[:, None] - 1.0 + np.arange(kernel.shape[1]) - len(taps) // 2
     law = track.law.variance(
         track.amplitude[:, None] * np.exp(-0.5 * ((places - centre[:, None]) / width[:, None]) ** 2)
@@ -62,6 +64,7 @@ def _zeros(light: LineLight, track: Track, taps: Array, cubic: bool) -> Located:
         std = np.sqrt(np.sum(kernel**2 * law, axis=1)) / np.abs(steepness) * track.cosine
     good = found & (steepness < 0.0) & (t > -0.05) & (t < 1.05) & np.isfinite(std)
     good &= np.abs(left + t - centre) < 1.5 * width + 1.0
+    good &= _inside(rows, places, kernel)
     return Located(track.uv(left + t + rows.first), std, good)
 
 
@@ -72,7 +75,16 @@ def _answer(rows: Rows, taps: Array) -> Array:
     return np.lib.stride_tricks.sliding_window_view(padded, len(taps), axis=1) @ taps * -1.0
 
 
-def _change_of_sign(answer: Array, centre: Array) -> tuple[Array, Array]:
+def _inside(rows: Rows, places: Array, kernel: Array) -> NDArray[np.bool_]:
+    """Whether next to all of what the filter sees ``(N, taps + 3)`` lies inside the picture."""
+    size = rows.samples.shape[1]
+    index = np.clip(places.astype(np.int64), 0, size - 1)
+    outside = (places != index) | (np.take_along_axis(rows.weights, index, axis=1) == 0.0)
+    weight = np.abs(kernel)
+    return np.sum(weight * outside, axis=1) < _MOST_OUTSIDE * np.sum(weight, axis=1)
+
+
+def _change_of_sign(answer: Array, centre: Array) -> tuple[NDArray[np.int64], NDArray[np.bool_]]:
     """The sample ``(N,)`` after which the answer falls through zero, and whether there is one."""
     falls = (answer[:, :-1] > 0.0) & (answer[:, 1:] <= 0.0)
     distance = np.abs(np.arange(answer.shape[1] - 1) + 0.5 - centre[:, None])
@@ -84,6 +96,11 @@ def _straight(values: Array) -> Array:
     """Four values on the straight line through the middle two."""
     step = values[:, 2] - values[:, 1]
     return values[:, 1:2] + step[:, None] * _NODES
+
+
+def _between(t: Array) -> Array:
+    """Weights ``(N, 4)`` of the straight line between the middle two of four values."""
+    return np.stack([np.zeros_like(t), 1.0 - t, t, np.zeros_like(t)], axis=-1)
 
 
 def _root(values: Array) -> Array:

@@ -23,7 +23,9 @@ _HALF_WIDTH = 4.0  # of the samples taken across the line, in standard deviation
 _SAMPLES = (3, 40)  # fewest and most samples on either side
 _STEPS = 20
 _CONVERGED_PX = 1e-3
-_FIRST_DAMPING = 1e-3
+_FIRST_DAMPING, _LEAST_DAMPING = 1e-3, 1e-4
+# Of what the linear model promised; where less is kept, the step went too far.
+_POOR_GAIN, _FULL_GAIN = 0.25, 0.75
 _WIDTHS = (0.3, 14.0)  # standard deviations that count as a line, px
 
 
@@ -56,7 +58,8 @@ def fitted_centres(light: LineLight, track: Track) -> Centres:
     law, std = _noise(rows, fit, free, light.least_std)
     rows = replace(rows, weights=rows.weights / std)
     fit, covariance, still = _least_squares(rows, fit, unknown, free)
-    fit, covariance, still = _least_squares(rows, fit, pooled(fit, covariance, still), free)
+    prior = pooled(fit, covariance, still)
+    fit, covariance, still = _least_squares(rows, _towards(fit, prior, free), prior, free)
     across = fit[:, 1] + rows.first
     moved = np.abs(across - track.across)
     good = still & (fit[:, 0] > 0) & (moved < 1.5 * reach + 1.0)
@@ -87,6 +90,19 @@ def _start(samples: Array, centre: Array, width: float) -> Array:
     return np.stack(start, axis=-1)
 
 
+def _towards(fit: Array, prior: Prior, free: int) -> Array:
+    """Parameters from which to fit anew: width and slope as expected, the light's sum as found.
+
+    A row that noise has taken for a spike does not find the way back by itself.
+    """
+    start = fit.copy()
+    known = np.zeros(start.shape, dtype=bool)
+    known[:, :free] = prior.information[:, :free] > 0.0
+    start[known] = prior.mean[known]
+    start[:, 0] *= fit[:, 2] / start[:, 2]
+    return start
+
+
 def _model(parameters: Array, x: Array) -> tuple[Array, Array]:
     """Samples ``(N, K)`` of the model and their derivatives ``(N, K, 5)``."""
     amplitude, centre, width, level, slope = (p[:, None] for p in parameters.T)
@@ -106,6 +122,9 @@ def _least_squares(
 ) -> tuple[Array, Array, NDArray[np.bool_]]:
     """Levenberg–Marquardt on all rows at once.
 
+    The damping follows how much of the promised descent a step keeps: in noise the bare
+    Gauss–Newton step lands as far on the other side of the minimum, again and again.
+
     Returns
     -------
     parameters : (N, 5), covariance : (N, P, P), still : (N,) bool
@@ -123,11 +142,14 @@ def _least_squares(
         trial[:, 2] = np.clip(trial[:, 2], 0.2, 2.0 * len(rows.x))
         trial[:, 1] = np.clip(trial[:, 1], 0.0, len(rows.x) - 1.0)
         found = _normal_equations(trial, rows, prior, free)
+        promised = np.sum(step * (gradient + damping[:, None] * diagonal * step), axis=1)
+        gain = (cost - found[0]) / np.maximum(promised, 1e-30)
         better = found[0] <= cost
         still = np.abs(step[:, 1]) < _CONVERGED_PX
         parameters[better], cost[better] = trial[better], found[0][better]
         normal[better], gradient[better] = found[1][better], found[2][better]
-        damping = np.where(better, damping * 0.2, damping * 10.0)
+        damping *= np.where(gain > _FULL_GAIN, 0.1, np.where(gain > _POOR_GAIN, 1.0, 10.0))
+        damping = np.maximum(damping, _LEAST_DAMPING)
         if still.all():
             break
     diagonal = np.einsum("nii->ni", normal)

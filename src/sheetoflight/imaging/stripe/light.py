@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import cv2
@@ -48,6 +48,8 @@ class LineLight:
         The channel whose pure colour this is; absent for grey and for the sum of all channels.
     channels : (H, W, 3) array, optional
         The picture in all its channels, where `picture` is the pure colour of one.
+    background : (H, W) float32 array, optional
+        What has been taken away, grey levels.
     """
 
     picture: Picture
@@ -58,6 +60,7 @@ class LineLight:
     wanted: NDArray[np.bool_] | None = None
     channel: int | None = None
     channels: NDArray[Any] | None = None
+    background: Picture | None = None
 
     def wants(self, uv: NDArray[Any]) -> NDArray[np.bool_]:
         """Whether lines are looked for at image points ``(N, 2)``, px."""
@@ -84,11 +87,17 @@ def line_light(image_on: NDArray[Any], image_off: NDArray[Any] | None = None) ->
     if off is not None:
         _check_pair(on, off)
     full = _full_pixels(on)
-    channels = on.astype(np.float32)
-    if off is not None:
-        channels = channels - off.astype(np.float32)
-    picture = channels if channels.ndim == 2 else _one_channel(channels, off is not None)
-    return light_of(picture, full, on.dtype, off is not None)
+    light = on.astype(np.float32)
+    if off is None:
+        return light_of(
+            light if light.ndim == 2 else light @ _weights(light, False), full, on.dtype
+        )
+    background = off.astype(np.float32)
+    light = light - background
+    if light.ndim == 3:
+        weights = _weights(light, differenced=True)
+        light, background = light @ weights, background @ weights
+    return replace(light_of(light, full, on.dtype, differenced=True), background=background)
 
 
 def light_of(
@@ -164,14 +173,14 @@ def _full_pixels(on: NDArray[Any]) -> NDArray[np.bool_]:
     top = on.max()
     at_top = on == top
     if at_top.ndim == 3:
-        at_top = at_top.any(axis=2)
+        at_top = at_top[..., 0] | at_top[..., 1] | at_top[..., 2]
     neighbours = at_top[:, 1:] & at_top[:, :-1]
     is_stop = int(neighbours.sum()) >= 3 and top > on.min()
     return at_top if is_stop else np.zeros_like(at_top)
 
 
-def _one_channel(channels: NDArray[np.float32], differenced: bool) -> Picture:
-    """Channels ``(H, W, 3)`` summed with weights that follow the colour of the contrast."""
+def _weights(channels: NDArray[np.float32], differenced: bool) -> NDArray[np.float32]:
+    """Weights ``(3,)`` of channels ``(H, W, 3)`` that follow the colour of the contrast."""
     contrast = np.empty(3)
     for index in range(3):
         channel = np.ascontiguousarray(channels[..., index])
@@ -181,7 +190,7 @@ def _one_channel(channels: NDArray[np.float32], differenced: bool) -> Picture:
     contrast = np.maximum(contrast, 0.0)
     if not contrast.any():
         contrast[:] = 1.0
-    return (channels @ (contrast / contrast.sum()).astype(np.float32)).astype(np.float32)
+    return (contrast / contrast.sum()).astype(np.float32)
 
 
 def _rounding_std(picture: Picture, dtype: np.dtype[Any], differenced: bool) -> float:

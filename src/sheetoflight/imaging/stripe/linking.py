@@ -6,16 +6,16 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from sheetoflight.geometry.directions import Array
 from sheetoflight.imaging.stripe.ridges import Ridges
 
 # A line does not turn by more than this between neighbouring pixels.
 _LEAST_COSINE = np.cos(np.radians(40.0))
 
-# How far ahead the next pixel must lie, px: the line's other half is beside, not ahead.
-_LEAST_AHEAD = 0.3
+# How far ahead the next pixel must lie, px: the line's other half is beside, not ahead. At most
+# four of the eight neighbours lie so far ahead.
+_LEAST_AHEAD, _MOST_AHEAD = 0.3, 4
 
-_AROUND = [(r, d) for r in (-1, 0, 1) for d in (-1, 0, 1) if (r, d) != (0, 0)]
+_AROUND = np.array([(r, d) for r in (-1, 0, 1) for d in (-1, 0, 1) if (r, d) != (0, 0)])
 
 
 def linked(ridges: Ridges, seed_strength: float, least_pixels: int) -> list[NDArray[np.int64]]:
@@ -38,19 +38,24 @@ def linked(ridges: Ridges, seed_strength: float, least_pixels: int) -> list[NDAr
         Indices into `ridges`, in order along the chain.
     """
     ridges, index = _in_large_groups(ridges, seed_strength, least_pixels)
-    by_pixel = {(int(u), int(v)): i for i, (u, v) in enumerate(ridges.pixels)}
+    if len(ridges) == 0:
+        return []
+    neighbours = _neighbours(ridges)
+    onwards = _onwards(ridges, neighbours)
+    beside = _beside(ridges, neighbours)
     taken = np.zeros(len(ridges), dtype=bool)
     chains = []
-    for seed in np.argsort(-ridges.strength, kind="stable"):
+    for seed in np.argsort(-ridges.strength, kind="stable").tolist():
         if ridges.strength[seed] < seed_strength:
             break
         if taken[seed]:
             continue
         taken[seed] = True
-        forward = _grown(ridges, by_pixel, taken, int(seed), ridges.direction[seed])
-        backward = _grown(ridges, by_pixel, taken, int(seed), -ridges.direction[seed])
-        chain = np.array([*backward[::-1], int(seed), *forward], dtype=np.int64)
-        taken[_beside(ridges, by_pixel, chain)] = True
+        forward = _grown(onwards, taken, 2 * seed)
+        backward = _grown(onwards, taken, 2 * seed + 1)
+        chain = np.array([*backward[::-1], seed, *forward], dtype=np.int64)
+        others = beside[chain]
+        taken[others[others >= 0]] = True
         if len(chain) >= least_pixels:
             chains.append(index[chain])
     return chains
@@ -77,68 +82,57 @@ def _in_large_groups(
     return ridges.taken(index), index
 
 
-def _grown(
-    ridges: Ridges,
-    by_pixel: dict[tuple[int, int], int],
-    taken: NDArray[np.bool_],
-    start: int,
-    heading: Array,
-) -> list[int]:
+def _neighbours(ridges: Ridges) -> NDArray[np.int64]:
+    """The ridge pixel in each direction of `_AROUND`, -1 where there is none: ``(N, 8)``."""
+    place = ridges.pixels - ridges.pixels.min(axis=0) + 1
+    number = np.full(place.max(axis=0) + 2, -1, dtype=np.int64)
+    number[tuple(place.T)] = np.arange(len(place))
+    beside = place[:, None] + _AROUND
+    return number[beside[..., 0], beside[..., 1]]
+
+
+def _onwards(ridges: Ridges, neighbours: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Where a chain may go, best first: ``(2 N, 4)``.
+
+    A chain passes pixel i along its direction (state ``2 i``) or against it (``2 i + 1``). Each
+    state has the states of the neighbours ahead in the order of their costs, -1 for the rest.
+    """
+    along = ridges.direction
+    onwards = np.full((len(along), 2, _MOST_AHEAD), -1, dtype=np.int64)
+    turn = np.einsum("nkc,nc->nk", along[neighbours], along)
+    step = ridges.uv[neighbours] - ridges.uv[:, None]
+    across = np.stack([-along[:, 1], along[:, 0]], axis=-1)
+    cost = np.abs(np.einsum("nkc,nc->nk", step, across)) + 1.0 - np.abs(turn)
+    ahead = along @ _AROUND.T
+    possible = (neighbours >= 0) & (np.abs(turn) >= _LEAST_COSINE)
+    for backward, sign in enumerate((1.0, -1.0)):
+        costs = np.where(possible & (sign * ahead >= _LEAST_AHEAD), cost, np.inf)
+        order = np.argsort(costs, axis=1, kind="stable")[:, :_MOST_AHEAD]
+        states = 2 * neighbours + (sign * turn < 0)
+        best = np.take_along_axis(states, order, axis=1)
+        usable = np.isfinite(np.take_along_axis(costs, order, axis=1))
+        onwards[:, backward] = np.where(usable, best, -1)
+    return onwards.reshape(-1, _MOST_AHEAD)
+
+
+def _grown(onwards: NDArray[np.int64], taken: NDArray[np.bool_], state: int) -> list[int]:
+    """The pixels that follow a state, which are taken."""
     chain: list[int] = []
-    here = start
     while True:
-        following = _next(ridges, by_pixel, taken, here, heading)
-        if following is None:
+        for following in onwards[state].tolist():
+            if following < 0:
+                return chain
+            if not taken[following // 2]:
+                break
+        else:
             return chain
-        here, heading = following
-        taken[here] = True
-        chain.append(here)
+        state = following
+        taken[state // 2] = True
+        chain.append(state // 2)
 
 
-def _next(
-    ridges: Ridges,
-    by_pixel: dict[tuple[int, int], int],
-    taken: NDArray[np.bool_],
-    here: int,
-    heading: Array,
-) -> tuple[int, Array] | None:
-    """The neighbour ahead that continues the chain best, and the heading there."""
-    best, best_cost = None, np.inf
-    for other, right, down in _neighbours(ridges, by_pixel, here):
-        if taken[other] or right * heading[0] + down * heading[1] < _LEAST_AHEAD:
-            continue
-        turn = float(ridges.direction[other] @ heading)
-        if abs(turn) < _LEAST_COSINE:
-            continue
-        step = ridges.uv[other] - ridges.uv[here]
-        aside = step - float(step @ heading) * heading
-        cost = float(np.hypot(aside[0], aside[1])) + 1.0 - abs(turn)
-        if cost < best_cost:
-            best_cost = cost
-            best = (other, ridges.direction[other] * np.sign(turn))
-    return best
-
-
-def _beside(
-    ridges: Ridges, by_pixel: dict[tuple[int, int], int], chain: NDArray[np.int64]
-) -> list[int]:
-    """Neighbours of a chain that run along it: the same line seen twice."""
-    return [
-        other
-        for here in chain
-        for other, _, _ in _neighbours(ridges, by_pixel, int(here))
-        if abs(float(ridges.direction[other] @ ridges.direction[here])) >= _LEAST_COSINE
-    ]
-
-
-def _neighbours(
-    ridges: Ridges, by_pixel: dict[tuple[int, int], int], here: int
-) -> list[tuple[int, int, int]]:
-    """Ridge pixels next to one, each with its step to the right and down."""
-    column, row = (int(c) for c in ridges.pixels[here])
-    found = []
-    for right, down in _AROUND:
-        other = by_pixel.get((column + right, row + down))
-        if other is not None:
-            found.append((other, right, down))
-    return found
+def _beside(ridges: Ridges, neighbours: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Neighbours that run along a chain, the same line seen twice: ``(N, 8)``, -1 for none."""
+    along = ridges.direction
+    turn = np.einsum("nkc,nc->nk", along[neighbours], along)
+    return np.where(np.abs(turn) >= _LEAST_COSINE, neighbours, -1)

@@ -11,6 +11,7 @@ from sheetoflight.imaging.stripe.rows import background_operator, wide_rows
 
 _LEAST_PART = 0.1  # of the height: below it the logarithm is mostly noise
 _FEWEST = 3
+_TINY = 1e-9
 _ODD = np.log(9.0)  # a parabola three times too narrow or too wide is no line
 
 
@@ -35,9 +36,10 @@ def parabola_centres(light: LineLight, track: Track) -> Located:
     _, b, c = coefficients.T
     with np.errstate(divide="ignore", invalid="ignore"):
         vertex = -b / (2.0 * c)
-        by_b, by_c = -1.0 / (2.0 * c), b / (2.0 * c * c)
-        variance = by_b**2 * covariance[:, 1, 1] + by_c**2 * covariance[:, 2, 2]
-        std = np.sqrt(variance + 2.0 * by_b * by_c * covariance[:, 1, 2]) * track.cosine
+        by_coefficient = np.stack([np.zeros_like(c), -1.0 / (2.0 * c), b / (2.0 * c * c)], axis=-1)
+        by_light = _by_light(x, model, weights, np.einsum("np,npq->nq", by_coefficient, covariance))
+        variance = _variance(x, by_light, operator, track.law.variance(model))
+        std = np.sqrt(variance) * track.cosine
     good = (c < 0.0) & (used.sum(axis=1) >= _FEWEST) & np.isfinite(std)
     good &= np.abs(vertex) < 1.5 * width + 1.0
     good &= np.abs(np.log(-2.0 * c * width**2, where=c < 0.0, out=np.full_like(c, np.inf))) < _ODD
@@ -54,3 +56,18 @@ def _parabola(x: Array, y: Array, weights: Array) -> tuple[Array, Array]:
     right = np.einsum("nkp,nk->np", jacobian, weights * y)
     covariance = np.linalg.inv(regular)
     return np.einsum("npq,nq->np", covariance, right), covariance
+
+
+def _by_light(x: Array, model: Array, weights: Array, by_normal: Array) -> Array:
+    """How the vertex moves with the light of each sample ``(N, K)``, px per grey level."""
+    b0, b1, b2 = by_normal.T[..., None]
+    return (b0 + b1 * x + b2 * x * x) * weights**2 / np.maximum(model, _TINY)
+
+
+def _variance(x: Array, by_light: Array, operator: Array, noise: Array) -> Array:
+    """Variance of the vertex ``(N,)``: the background's noise moves all logarithms together, and
+    where the picture's border cuts one side off, that is most of it."""
+    level = np.sum(by_light, axis=1, keepdims=True)
+    slope = np.sum(by_light * x, axis=1, keepdims=True)
+    by_sample = by_light - operator[..., 0] * level - operator[..., 1] * slope
+    return np.sum(by_sample**2 * noise, axis=1)

@@ -20,22 +20,28 @@ from sheetoflight.imaging.stripe.noise import NoiseLaw
 _ROWS, _PERIOD_ROWS = 160, 32
 _AMPLITUDE = 1e4
 _STEPS_PER_WIDTH = 20
+_STEPS_PER_SLOPE = 10
 
 
 def phase_std(detector: Callable[[LineLight, Track], Located], track: Track) -> Array:
     """Root mean square error ``(N,)`` over all phases, across the line, px."""
     width = track.width / track.cosine
     steps = np.maximum(np.rint(width * _STEPS_PER_WIDTH), _STEPS_PER_WIDTH // 4).astype(int)
-    known = {step: _error(detector, step / _STEPS_PER_WIDTH) for step in set(steps.tolist())}
-    return np.array([known[step] for step in steps.tolist()]) * track.cosine
+    slopes = np.rint(np.minimum(track.slope, 1.0) * _STEPS_PER_SLOPE).astype(int)
+    cases = list(zip(steps.tolist(), slopes.tolist(), strict=True))
+    known = {
+        case: _error(detector, case[0] / _STEPS_PER_WIDTH, case[1] / _STEPS_PER_SLOPE)
+        for case in set(cases)
+    }
+    return np.array([known[case] for case in cases]) * track.cosine
 
 
 @lru_cache(maxsize=512)
-def _error(detector: Callable[[LineLight, Track], Located], width: float) -> float:
-    """Error on a noise-free line of standard deviation `width` px along the rows, whose phase goes
-    round once in 32 of them."""
+def _error(detector: Callable[[LineLight, Track], Located], width: float, slope: float) -> float:
+    """Error along the rows on a noise-free line of standard deviation `width` px along them, which
+    moves by `slope` px from row to row and by one more in 32 of them."""
     reach = int(np.ceil(8.0 * width)) + 8
-    centres = reach + np.arange(_ROWS) / _PERIOD_ROWS
+    centres = reach + np.arange(_ROWS) * (slope + 1.0 / _PERIOD_ROWS)
     x = np.arange(2 * reach + int(centres[-1] - reach) + 1)
     right, left = (x + 0.5 - centres[:, None]) / width, (x - 0.5 - centres[:, None]) / width
     light = LineLight(
@@ -51,8 +57,8 @@ def _error(detector: Callable[[LineLight, Track], Located], width: float) -> flo
         along=np.arange(_ROWS),
         across=centres,
         by_rows=True,
-        slope=np.zeros(_ROWS),
-        width=np.full(_ROWS, width),
+        slope=np.full(_ROWS, slope),
+        width=np.full(_ROWS, width / np.sqrt(1.0 + slope**2)),
         amplitude=np.full(_ROWS, _AMPLITUDE),
         law=NoiseLaw(1.0, 0.0),
     )

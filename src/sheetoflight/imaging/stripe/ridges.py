@@ -105,13 +105,9 @@ def _evidence(found: Ridges, brightest: int) -> float:
 
 def ridges_at(picture: Picture, scale: float, least_strength: float) -> Ridges:
     """Ridge pixels at one smoothing `scale` in px; see `ridges`."""
-    smooth = np.asarray(
-        cv2.GaussianBlur(picture, (0, 0), scale, borderType=cv2.BORDER_REFLECT_101), np.float32
-    )
-    # A line of standard deviation `scale` and amplitude A has the second derivative
-    # A / (2 sqrt(2) scale²) across it after smoothing.
-    to_strength = 2.0 * np.sqrt(2.0) * scale**2
-    answer = np.asarray(cv2.Laplacian(smooth, cv2.CV_32F, ksize=1), np.float32) * -to_strength
+    smooth = _smooth(picture, scale)
+    to_strength = _to_strength(scale)
+    answer = _answer(smooth, scale)
     rows, columns = np.nonzero(answer[1:-1, 1:-1] >= (1.0 - _CURVATURE_RATIO) * least_strength)
     rows, columns = rows + 1, columns + 1
     texture = _texture(answer, scale, rows, columns)
@@ -138,6 +134,27 @@ def ridges_at(picture: Picture, scale: float, least_strength: float) -> Ridges:
         least[on_ridge],
         scale,
     )
+
+
+def ridge_answer(picture: Picture, scale: float) -> Picture:
+    """Strength ``(H, W)`` of a line of any direction that would answer so at each pixel."""
+    return _answer(_smooth(picture, scale), scale)
+
+
+def _smooth(picture: Picture, scale: float) -> Picture:
+    blurred = cv2.GaussianBlur(picture, (0, 0), scale, borderType=cv2.BORDER_REFLECT_101)
+    return np.asarray(blurred, np.float32)
+
+
+def _to_strength(scale: float) -> float:
+    """A line of standard deviation `scale` and amplitude A has the second derivative
+    A / (2 sqrt(2) scale²) across it after smoothing."""
+    return 2.0 * np.sqrt(2.0) * scale**2
+
+
+def _answer(smooth: Picture, scale: float) -> Picture:
+    curvature = np.asarray(cv2.Laplacian(smooth, cv2.CV_32F, ksize=1), np.float32)
+    return curvature * -_to_strength(scale)
 
 
 def _falls_on_both_sides(
@@ -175,8 +192,8 @@ def _texture(
     tall, wide = min(side, height), min(side, width)
     down, right = height // tall, width // wide
     # Whole blocks only: the rest beside the last ones tells nothing new.
-    blocks = np.abs(answer[: down * tall, : right * wide]).reshape(down, tall, right, wide)
-    sparse = np.swapaxes(blocks[:, ::3, :, ::3], 1, 2).reshape(down, right, -1)
+    blocks = answer[: down * tall, : right * wide].reshape(down, tall, right, wide)
+    sparse = np.abs(np.swapaxes(blocks[:, ::3, :, ::3], 1, 2)).reshape(down, right, -1)
     rank = int(_QUANTILE * sparse.shape[-1])
     typical = np.partition(sparse, rank, axis=-1)[..., rank] * _QUANTILE_TO_STD
     # A line may fill much of one block, so the block's neighbours are asked as well.

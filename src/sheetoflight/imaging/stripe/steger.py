@@ -65,7 +65,7 @@ def steger_centres(light: LineLight, track: Track) -> Located:
 def _within(picture: Picture, uv: Array, margin: float) -> NDArray[np.bool_]:
     """Whether points lie so far inside the picture that the smoothing sees little beyond it."""
     limits = np.array(picture.shape[::-1]) - 1.0 - margin
-    return ((uv >= margin) & (uv <= limits)).all(axis=1)
+    return np.asarray(((uv >= margin) & (uv <= limits)).all(axis=1))
 
 
 @dataclass(frozen=True)
@@ -75,7 +75,7 @@ class _Ridge:
     uv: Array
     across: Array
     curvature: Array
-    still: Array
+    still: NDArray[np.bool_]
 
 
 def _parts(count: int, scale: float) -> int:
