@@ -11,7 +11,7 @@ from sheetoflight.imaging.stripe.light import LineLight
 
 # Below this ratio of height to noise a row alone does not hold its centre: the fit's error has
 # long tails. Rows together still do.
-_LEAST_ROW_SNR = 3.0
+_LEAST_ROW_SNR = 2.9
 
 _ORDINALS = ("first", "second", "third")
 

@@ -70,7 +70,7 @@ class Speckle:
         centre of gravity; at s = p it reads 1.1 C √(W/p) λ/(2π sin u′), after R. G. Dorsch,
         G. Häusler, J. M. Herrmann, "Laser triangulation: fundamental uncertainty in distance
         measurement", Applied Optics 33(7), 1994. Good to 15 % for speckles of 0.5 to 2 px.
-        A derivative filter (fir) errs 1.4 times as much, and neighbours less than s apart err alike.
+        A derivative filter (fir) errs 1.4 times as much. Neighbours less than s apart err alike.
         """
         size = self.size_px
         height = (1.0 + (_LONG_SPECKLE * size) ** _BLEND) ** (1.0 / _BLEND)
