@@ -54,8 +54,8 @@ class Looking:
     off
         A picture of the scene with the laser off, for all pictures that have no such partner.
     speckle
-        Contrast, wavelength in nm, f-number and pixel pitch in µm, to add what speckle does to
-        each centre's uncertainty: 1 660 8 3.45.
+        Contrast, wavelength in nm, f-number and pixel pitch in µm, such as 1 660 8 3.45: no
+        centre is then stated to be better than speckle allows.
     """
 
     detector: str = "auto"

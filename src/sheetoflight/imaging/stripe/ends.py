@@ -95,7 +95,10 @@ def line_ends(
 
 def _clear_of(end: LineEnd, uv: Array) -> NDArray[np.bool_]:
     """Centres ``(N, 2)``, in order towards the end, whose rows or columns the fall of light there
-    does not touch; distances are counted along the line, which may turn."""
+    does not touch; distances are counted along the line, which may turn. An end that is not seen
+    touches none."""
+    if not end.seen:
+        return np.ones(len(uv), dtype=bool)
     steps = np.linalg.norm(np.diff(uv[::-1], axis=0), axis=1)
     from_last = np.concatenate([[0.0], np.cumsum(steps)])[::-1]
     return from_last + (end.uv - uv[-1]) @ end.direction >= end.reach

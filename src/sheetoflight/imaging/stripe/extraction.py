@@ -48,7 +48,7 @@ class StripeOptions:
     mask : (H, W) bool array, optional
         True where to look.
     speckle : Speckle, optional
-        What speckle adds to each centre's uncertainty.
+        What causes the speckle; no centre is then stated to be better than it allows.
     line : LineOptions
         What counts as a line.
 
@@ -163,7 +163,7 @@ def _line(
 ) -> Stripe:
     """One line's centres by the detector that `nothing` names."""
     located = _located(light, run, nothing.detector)
-    std = located.std if speckle is None else np.hypot(located.std, speckle.std(run.width))
+    std = located.std if speckle is None else np.maximum(located.std, speckle.std(run.width))
     stripe = replace(
         nothing,
         uv=located.uv,

@@ -2,19 +2,23 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 from numpy.typing import NDArray
+from scipy.ndimage import median_filter
 
 from sheetoflight.geometry.directions import Array
 from sheetoflight.imaging.stripe.centres import Located, Track
 from sheetoflight.imaging.stripe.light import LineLight
-from sheetoflight.imaging.stripe.rows import Rows, wide_rows
+from sheetoflight.imaging.stripe.rows import Rows, background_operator, wide_rows
 
 _LEAST_SCALE_PX = 1.0
 _TAPS_PER_SCALE = 4.0
 _NARROW_PX = 1.5  # up to this width along the row the four-tap filter is used
 _NODES = np.arange(-1.0, 3.0)  # of the cubic through four answers, from the last positive one
 _STEPS = 6
+_SLOPE_ROWS = 61
 _MOST_OUTSIDE = 0.01
 
 
@@ -46,6 +50,7 @@ def blais_rioux_centres(light: LineLight, track: Track) -> Located:
 def _zeros(light: LineLight, track: Track, taps: Array, cubic: bool) -> Located:
     """Where ``Σ taps_k f(i + k)`` falls through zero nearest to the rough centres."""
     rows, centre, width = wide_rows(light, track)
+    rows = _levelled(rows, centre, width)
     answer = _answer(rows, taps)
     left, found = _change_of_sign(answer, centre)
     nodes = np.clip(left[:, None] + _NODES.astype(int), 0, answer.shape[1] - 1)
@@ -66,6 +71,15 @@ def _zeros(light: LineLight, track: Track, taps: Array, cubic: bool) -> Located:
     good &= np.abs(left + t - centre) < 1.5 * width + 1.0
     good &= _inside(rows, places, kernel)
     return Located(track.uv(left + t + rows.first), std, good)
+
+
+def _levelled(rows: Rows, centre: Array, width: Array) -> Rows:
+    """Rows without the slope of their background, which would pull the zero towards the brighter
+    side; the slope is that of many rows, so that it brings no noise of its own."""
+    operator = background_operator(rows, centre, width)[..., 1]
+    slope = np.einsum("nk,nk->n", rows.samples, operator)
+    smooth = median_filter(slope, min(_SLOPE_ROWS, len(slope)), mode="nearest")
+    return replace(rows, samples=rows.samples - smooth[:, None] * (rows.x - centre[:, None]))
 
 
 def _answer(rows: Rows, taps: Array) -> Array:

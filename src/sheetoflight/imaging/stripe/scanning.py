@@ -97,7 +97,7 @@ def _stripe(found: Scan, along: ScanAlong, detector: str, speckle: Speckle | Non
     cosine = 1.0 / np.sqrt(1.0 + slope**2)
     std = found.std[place] * cosine
     if speckle is not None:
-        std = np.hypot(std, speckle.std(width * cosine))
+        std = np.maximum(std, speckle.std(width * cosine))
     swap = slice(None) if along == "columns" else slice(None, None, -1)
     normal = np.stack([-slope * cosine, cosine], axis=-1)
     return Stripe(

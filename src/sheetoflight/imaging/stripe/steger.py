@@ -12,10 +12,10 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import median_filter
 from scipy.special import ndtr
 
 from sheetoflight.geometry.directions import Array
+from sheetoflight.imaging.stripe.asymmetry import surroundings
 from sheetoflight.imaging.stripe.centres import Located, Track
 from sheetoflight.imaging.stripe.light import LineLight, Picture
 
@@ -26,15 +26,6 @@ _STEPS = 8
 _CONVERGED_PX = 1e-4
 _LONGEST_STEP_PX = 1.0
 _SAMPLES_AT_ONCE = 4_000_000
-
-# Where the surroundings on either side are read, in widths of line and smoothing together.
-_SIDES = np.linspace(3.0, 5.0, 9)
-_SIDE_ROWS = 31
-_CLEAR_ASYMMETRY = 5.0  # standard deviations
-_MOST_ASYMMETRY = 0.8
-# Half width of a bar over the standard deviation of the Gaussian that fits it best: where
-# erf(x/√2)²/x is largest.
-_BAR_HALF_WIDTHS = 1.400
 
 
 def steger_centres(light: LineLight, track: Track) -> Located:
@@ -58,7 +49,9 @@ def steger_centres(light: LineLight, track: Track) -> Located:
         moved = np.linalg.norm(ridge.uv - uv, axis=1)
     good = ridge.still & (ridge.curvature < 0.0) & (moved < 2.0 * track.width + 1.0)
     good &= _within(light.picture, ridge.uv, _CLEAR_SCALES * scale)
-    corrected = ridge.uv - _asymmetry_bias(light, track, ridge, scale)[:, None] * ridge.across
+    sides = surroundings(light.picture, track, ridge.uv, ridge.across, scale)
+    pull = sides.pull(track, ridge.curvature, scale)
+    corrected = ridge.uv - pull[:, None] * ridge.across
     return Located(corrected, np.where(good, std, np.nan), good)
 
 
@@ -140,42 +133,3 @@ def _strongest(hessian: Array) -> tuple[Array, Array]:
     mean, half = (uu + vv) / 2.0, (uu - vv) / 2.0
     angle = np.arctan2(uv, half) / 2.0
     return np.stack([-np.sin(angle), np.cos(angle)], axis=-1), mean - np.hypot(half, uv)
-
-
-def _asymmetry_bias(light: LineLight, track: Track, ridge: _Ridge, scale: float) -> Array:
-    """How far different surroundings on the two sides pull the ridge along its `across` ``(N,)``.
-
-    For a bar of half width w with the levels 0 and a beside it, as parts of its height,
-    ``−(σ²/2w) ln(1 − a)`` towards the brighter side (Steger 1998 on asymmetrical bars). Taken away
-    only where the two sides differ clearly.
-    """
-    reach = np.hypot(track.width, scale)
-    levels = []
-    for sign in (-1.0, 1.0):
-        places = (
-            ridge.uv[:, None]
-            + (sign * reach[:, None] * _SIDES)[..., None] * (ridge.across[:, None])
-        )
-        levels.append(_median_inside(light.picture, places))
-    size = min(_SIDE_ROWS, len(track.along))
-    # The direction across may turn by 180° between neighbours; the sides are kept in picture order.
-    turned = np.sign(np.sum(ridge.across, axis=1) + 1e-12)
-    difference = np.nan_to_num(levels[1] - levels[0])
-    difference = median_filter(difference * turned, size, mode="nearest") * turned
-    noise = track.law.std(np.zeros(1))[0] * np.sqrt(np.pi / len(_SIDES) / size)
-    # The height counts from the mean of both sides, the bar's from the darker one.
-    height = track.amplitude + np.abs(difference) / 2.0
-    a = np.clip(np.abs(difference) / height, 0.0, _MOST_ASYMMETRY)
-    half_width = _BAR_HALF_WIDTHS * track.width
-    bias = -(scale**2) / (2.0 * half_width) * np.log(1.0 - a) * np.sign(difference)
-    return np.where(np.abs(difference) > _CLEAR_ASYMMETRY * noise, bias, 0.0)
-
-
-def _median_inside(picture: Picture, uv: Array) -> Array:
-    """Medians ``(N,)`` of the nearest pixels' light at points ``(N, M, 2)``, NaN where one of the
-    points lies outside the picture."""
-    height, width = picture.shape
-    columns, rows = np.rint(uv[..., 0]).astype(np.int64), np.rint(uv[..., 1]).astype(np.int64)
-    inside = (columns >= 0) & (columns < width) & (rows >= 0) & (rows < height)
-    light = picture[np.clip(rows, 0, height - 1), np.clip(columns, 0, width - 1)].astype(float)
-    return np.where(inside.all(axis=1), np.median(light, axis=1), np.nan)

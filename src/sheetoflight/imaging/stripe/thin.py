@@ -42,12 +42,13 @@ def thin_centres(light: LineLight, track: Track) -> Located:
 
 
 def _lit(light: LineLight, track: Track) -> NDArray[np.bool_]:
-    """Pixels about the track brighter than half its height over their row's background."""
+    """Pixels about the track brighter than half its height over their row's background, or full."""
     rows, centre, width = wide_rows(light, track)
     level, slope = np.einsum("nk,nkp->pn", rows.samples, background_operator(rows, centre, width))
     x = rows.x - centre[:, None]
     excess = rows.samples - level[:, None] - slope[:, None] * x
-    lit = (excess > _THRESHOLD * track.amplitude[:, None]) & (rows.weights > 0)
+    lit = (excess > _THRESHOLD * track.amplitude[:, None]) | rows.full
+    lit &= rows.weights > 0
     picture = np.zeros(light.picture.shape, dtype=bool)
     picture_by_rows = picture if track.by_rows else picture.T
     row, column = np.nonzero(lit & (np.abs(x) < 3.0 * width[:, None] + 1.0))

@@ -142,8 +142,8 @@ def _track(uv: Array, pixels: NDArray[np.int64], by_rows: bool, width: float) ->
     seen, first = np.unique(pixels[:, axis], return_index=True)
     along = np.arange(seen[0], seen[-1] + 1)
     across = np.interp(along, pixels[first, axis], uv[first, 1 - axis])
-    smooth = uniform_filter1d(across, min(9, len(across)), mode="nearest")
-    slope = np.gradient(smooth) if len(along) > 1 else np.zeros(1)
+    step = np.gradient(across) if len(along) > 1 else np.zeros(1)
+    slope = uniform_filter1d(step, min(9, len(step)), mode="reflect")
     order = slice(None) if forward else slice(None, None, -1)
     return Track(
         along[order],
