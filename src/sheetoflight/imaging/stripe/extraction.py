@@ -28,6 +28,9 @@ from sheetoflight.model.stripe import Stripe, joined_lines, no_stripe
 
 _TANGENT_CENTRES = 15
 
+# Where the picture's border cuts off more than the outer flank, too little of the profile is left.
+_WHOLE_WIDTHS = 1.0
+
 
 @dataclass(frozen=True)
 class StripeOptions:
@@ -108,8 +111,8 @@ def extract_stripe(
     -------
     Stripe
         Empty where there is no line. ``good`` is False near the ends of a line, where the fall of
-        light bends it, and where the detector did not come to rest; centres that it did not find
-        at all are left out.
+        light bends it, where the picture's border cuts its profile, and where the detector did not
+        come to rest; centres that it did not find at all are left out.
 
     Raises
     ------
@@ -164,15 +167,16 @@ def _line(
     """One line's centres by the detector that `nothing` names."""
     located = _located(light, run, nothing.detector)
     std = located.std if speckle is None else np.maximum(located.std, speckle.std(run.width))
+    across = _across(run.uv)
     stripe = replace(
         nothing,
         uv=located.uv,
         std=std,
         width=run.width,
         peak=run.amplitude,
-        across=_across(run.uv),
+        across=across,
         line=np.zeros(len(run), dtype=np.int64),
-        good=located.good & clear,
+        good=located.good & clear & _inside(light, run, across),
     )
     return stripe.taken(np.isfinite(std) & np.isfinite(located.uv).all(axis=1))
 
@@ -189,6 +193,16 @@ def _located(light: LineLight, run: Centres, detector: str) -> Located:
         np.hypot(np.concatenate([part.std for part in found]), phase),
         np.concatenate([part.good for part in found]),
     )
+
+
+def _inside(light: LineLight, run: Centres, across: Array) -> NDArray[np.bool_]:
+    """Whether the heart of the profile in each centre's row or column lies in the picture."""
+    height, width = light.picture.shape
+    own = np.where(run.by_rows, 0, 1)
+    index = np.arange(len(run))
+    place, limit = run.uv[index, own], np.where(run.by_rows, width, height) - 1.0
+    reach = _WHOLE_WIDTHS * run.width / np.maximum(np.abs(across[index, own]), 0.5)
+    return (place >= reach - 0.5) & (place <= limit - reach + 0.5)
 
 
 def _across(uv: Array) -> Array:
