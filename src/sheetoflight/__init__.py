@@ -28,7 +28,11 @@ if TYPE_CHECKING:
     from sheetoflight.imaging.stripe.extraction import extract_stripe as extract_stripe
     from sheetoflight.imaging.stripe.scan.scanner import ScanOptions as ScanOptions
     from sheetoflight.imaging.stripe.scan.scanner import scan as scan
+    from sheetoflight.io.clouds import read_cloud as read_cloud
+    from sheetoflight.io.clouds import write_cloud as write_cloud
+    from sheetoflight.measurement.flatness import fitted_plane_in_space as fitted_plane_in_space
     from sheetoflight.measurement.reconstruction import reconstruct as reconstruct
+    from sheetoflight.measurement.straightness import lines_of as lines_of
     from sheetoflight.model.calibration import Calibration as Calibration
     from sheetoflight.model.camera import Camera as Camera
     from sheetoflight.model.light_plane import LightPlane as LightPlane
@@ -62,10 +66,14 @@ _HOMES = {
     "UntrustworthyError": "errors",
     "calibrate": "workflow.calibrated",
     "extract_stripe": "imaging.stripe.extraction",
+    "fitted_plane_in_space": "measurement.flatness",
+    "lines_of": "measurement.straightness",
     "load_calibration": "workflow.calibrated",
     "load_rig": "workflow.rig_folder",
+    "read_cloud": "io.clouds",
     "reconstruct": "measurement.reconstruction",
     "scan": "imaging.stripe.scan.scanner",
+    "write_cloud": "io.clouds",
 }
 
 __all__ = ["__version__", *_HOMES]  # noqa: PLE0604  # pyright: ignore[reportUnsupportedDunderAll] – the keys are the names
