@@ -81,9 +81,10 @@ def test_region_and_mask_keep_the_whole_picture_s_coordinates(picture):
     [
         (np.zeros((60, 60)), None, "float64"),
         (np.zeros((60, 60, 4), np.uint8), None, "shape"),
+        (np.zeros(60, np.uint8), None, "shape"),
         (np.zeros((60, 60), np.uint8), np.zeros((60, 61), np.uint8), "(60, 61)"),
     ],
-    ids=["float", "four-channels", "size"],
+    ids=["float", "four-channels", "flat", "size"],
 )
 def test_what_cannot_be_scanned_is_refused(image, off, says):
     with pytest.raises(InputError) as error:

@@ -19,7 +19,7 @@ from sheetoflight.imaging.stripe.ends import line_ends
 from sheetoflight.imaging.stripe.light import LineLight
 from sheetoflight.imaging.stripe.lines import LineOptions, found_lines, other_centres
 from sheetoflight.imaging.stripe.phase import phase_std
-from sheetoflight.imaging.stripe.region import Region, at_pixels, check_mask, part_of, within
+from sheetoflight.imaging.stripe.region import Region, at_pixels, check_mask, within
 from sheetoflight.imaging.stripe.scanning import ScanAlong, scanned_stripe
 from sheetoflight.imaging.stripe.selection import Which, selected
 from sheetoflight.imaging.stripe.speckle import Speckle
@@ -149,11 +149,10 @@ def _scanned(
     image: NDArray[Any], image_off: NDArray[Any] | None, along: ScanAlong, options: StripeOptions
 ) -> Stripe:
     """One centre in every column or row of the region, those outside the mask left out."""
-    part, origin = part_of(np.shape(image), options.region)
+    found = scanned_stripe(
+        image, image_off, along, options.detector, options.region, options.speckle
+    )
     check_mask(options.mask, np.shape(image))
-    off = None if image_off is None else image_off[part]
-    found = scanned_stripe(image[part], off, along, options.detector, options.speckle)
-    found = replace(found, uv=found.uv + origin)
     return found if options.mask is None else found.taken(at_pixels(options.mask, found.uv))
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any, Literal, get_args
 
 import numpy as np
@@ -10,6 +11,7 @@ from scipy.ndimage import median_filter
 
 from sheetoflight.errors import InputError
 from sheetoflight.geometry.directions import Array
+from sheetoflight.imaging.stripe.region import Region, part_of
 from sheetoflight.imaging.stripe.scan.scanner import Detector, Scan, ScanOptions, scan
 from sheetoflight.imaging.stripe.speckle import Speckle
 from sheetoflight.model.stripe import Stripe
@@ -26,6 +28,7 @@ def scanned_stripe(
     image_off: NDArray[Any] | None,
     along: ScanAlong,
     detector: str,
+    region: Region | None = None,
     speckle: Speckle | None = None,
 ) -> Stripe:
     """The brightest line in every column or row.
@@ -40,12 +43,15 @@ def scanned_stripe(
         ``columns`` or ``rows``.
     detector : str
         One of those of `ScanOptions`, or ``auto``, which is ``gaussian``.
+    region : (u, v, width, height), optional
+        Where to look, px; the whole picture where absent.
     speckle : Speckle, optional
 
     Raises
     ------
     InputError
-        If a picture has other samples, the two do not match, or the detector is not for scanning.
+        If a picture has other samples, the two do not match, the region does not lie in them, or
+        the detector is not for scanning.
     """
     name = "gaussian" if detector == "auto" else detector
     if name not in get_args(Detector):
@@ -54,8 +60,11 @@ def scanned_stripe(
             f"choose {' | '.join(get_args(Detector))}, or leave out scan",
         )
     frame = _frame(image, image_off)
-    found = scan(frame, ScanOptions(detector=name, along=along))  # pyright: ignore[reportArgumentType] – checked above
-    return _stripe(found, along, name, speckle)
+    part, origin = part_of(frame.shape, region)
+    options = ScanOptions(detector=name, along=along)  # pyright: ignore[reportArgumentType] – checked above
+    found = scan(np.ascontiguousarray(frame[part]), options)
+    stripe = _stripe(found, along, name, speckle)
+    return replace(stripe, uv=stripe.uv + origin)
 
 
 def _frame(image: NDArray[Any], image_off: NDArray[Any] | None) -> NDArray[Any]:
@@ -87,7 +96,7 @@ def _grey(image: NDArray[Any]) -> NDArray[Any]:
             f"the picture has shape {image.shape}, expected (H, W) or (H, W, 3)",
             "give a grey or a colour picture; drop a transparency channel",
         )
-    return np.ascontiguousarray(image)
+    return image
 
 
 def _stripe(found: Scan, along: ScanAlong, detector: str, speckle: Speckle | None) -> Stripe:
