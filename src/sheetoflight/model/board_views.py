@@ -1,0 +1,157 @@
+"""What was seen of boards: their points, and the line of light across them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+
+import numpy as np
+
+from sheetoflight.errors import InputError
+from sheetoflight.geometry.directions import Array
+
+
+@dataclass(frozen=True, eq=False)
+class LinePixels:
+    """Points of lines of light on boards, of all views together.
+
+    Parameters
+    ----------
+    view : (P,) int array
+        Number of the view that each belongs to.
+    uv : (P, 2) array
+        Image points, px.
+    std : (P,) array
+        Standard uncertainty across the line, px; NaN where unknown.
+    laser, face : (P,) int array, optional
+        Number of the laser, and of the board's face that it shines on; 0 where absent.
+
+    Raises
+    ------
+    InputError
+        If the shapes disagree, or a point is not finite.
+    """
+
+    view: np.ndarray = field(default_factory=lambda: np.zeros(0, dtype=int))
+    uv: Array = field(default_factory=lambda: np.zeros((0, 2)))
+    std: Array | None = None
+    laser: np.ndarray | None = None
+    face: np.ndarray | None = None
+
+    def __post_init__(self) -> None:
+        count = len(self.uv)
+        given = {"view": self.view, "laser": self.laser, "face": self.face}
+        for name, numbers in given.items():
+            values = np.zeros(count, dtype=int) if numbers is None else np.asarray(numbers, int)
+            if values.shape != (count,) or (values < 0).any():
+                raise InputError(
+                    f"{name} of {count} points of a line has shape {values.shape}, or is negative",
+                    "give a number from 0 for each point",
+                )
+            values.setflags(write=False)
+            object.__setattr__(self, name, values)
+        uv = np.array(self.uv, dtype=float).reshape(count, 2)
+        std = np.full(count, np.nan) if self.std is None else np.array(self.std, dtype=float)
+        if not np.isfinite(uv).all() or std.shape != (count,) or (std <= 0).any():
+            raise InputError(
+                "a point of a line is not finite, or its std is not above zero",
+                "give finite image points, and a std above zero or NaN for each",
+            )
+        for name, array in (("uv", uv), ("std", std)):
+            array.setflags(write=False)
+            object.__setattr__(self, name, array)
+
+    def __len__(self) -> int:
+        return len(self.uv)
+
+    def take(self, points: np.ndarray) -> LinePixels:
+        """The points that an index array or mask selects."""
+        assert self.std is not None and self.laser is not None and self.face is not None
+        return LinePixels(
+            self.view[points],
+            self.uv[points],
+            self.std[points],
+            self.laser[points],
+            self.face[points],
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class BoardViews:
+    """Image points of a board in the views of stage board.
+
+    Parameters
+    ----------
+    names : tuple of str
+        A name for each of the N views, unique in the stage.
+    uv : (N, M, 2) array
+        Image point of each of the board's M points in px; NaN where it was not seen.
+    std : (N, M) array, optional
+        Standard uncertainty of each image coordinate in px; NaN or absent where unknown.
+    line : LinePixels
+        The line of light on the boards; views without a line are of use for the camera.
+
+    Raises
+    ------
+    InputError
+        If shapes disagree, a name is not unique, or a line belongs to no view.
+    """
+
+    names: tuple[str, ...] = ()
+    uv: Array = field(default_factory=lambda: np.zeros((0, 0, 2)))
+    std: Array | None = None
+    line: LinePixels = field(default_factory=LinePixels)
+
+    def __post_init__(self) -> None:
+        uv = np.array(self.uv, dtype=float)
+        if uv.ndim != 3 or uv.shape[0] != len(self.names) or uv.shape[2] != 2:
+            raise InputError(
+                f"image points have shape {uv.shape}, expected ({len(self.names)}, M, 2)",
+                "give one row of points for each named view",
+            )
+        if len(set(self.names)) != len(self.names):
+            twice = next(n for n in self.names if self.names.count(n) > 1)
+            raise InputError(f"view {twice} is given twice", "give every view a name of its own")
+        if len(self.line) and int(self.line.view.max()) >= len(self.names):
+            raise InputError(
+                f"a line belongs to view {int(self.line.view.max())} of {len(self.names)}",
+                "count the views from 0",
+            )
+        uv[~np.isfinite(uv).all(axis=-1)] = np.nan
+        std = np.full(uv.shape[:2], np.nan) if self.std is None else np.array(self.std, dtype=float)
+        if std.shape != uv.shape[:2] or (std <= 0).any():
+            raise InputError(
+                f"std has shape {std.shape} or is not above zero, expected {uv.shape[:2]}",
+                "give one value above zero, or NaN, for each point",
+            )
+        for name, array in (("uv", uv), ("std", std)):
+            array.setflags(write=False)
+            object.__setattr__(self, name, array)
+        object.__setattr__(self, "names", tuple(self.names))
+
+    def __len__(self) -> int:
+        return len(self.names)
+
+    @cached_property
+    def seen(self) -> np.ndarray:
+        """``(N, M)`` mask of the points that were seen."""
+        seen = np.asarray(np.isfinite(self.uv).all(axis=-1))
+        seen.setflags(write=False)
+        return seen
+
+    def take(self, views: np.ndarray) -> BoardViews:
+        """The views that an index array or mask selects, their lines with them."""
+        index = np.arange(len(self))[views]
+        assert self.std is not None
+        place = np.full(len(self), -1)
+        place[index] = np.arange(len(index))
+        kept = self.line.take(place[self.line.view] >= 0)
+        line = replace(kept, view=place[kept.view])
+        names = tuple(self.names[i] for i in index)
+        return BoardViews(names, self.uv[index], self.std[index], line)
+
+    def without(self, points: np.ndarray, line_points: np.ndarray | None = None) -> BoardViews:
+        """The views with the points of a mask ``(N, M)``, and those of the line of a mask
+        ``(P,)``, taken as not seen."""
+        line = self.line if line_points is None else self.line.take(~line_points)
+        return replace(self, uv=np.where(points[..., None], np.nan, self.uv), line=line)
