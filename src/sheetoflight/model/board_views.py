@@ -11,20 +11,23 @@ from sheetoflight.errors import InputError
 from sheetoflight.geometry.directions import Array
 
 
+def _none() -> Array:
+    return np.zeros(0)
+
+
 @dataclass(frozen=True, eq=False)
 class LinePixels:
     """Points of lines of light on boards, of all views together.
 
     Parameters
     ----------
-    view : (P,) int array
-        Number of the view that each belongs to.
     uv : (P, 2) array
         Image points, px.
     std : (P,) array
         Standard uncertainty across the line, px; NaN where unknown.
-    laser, face : (P,) int array, optional
-        Number of the laser, and of the board's face that it shines on; 0 where absent.
+    view, laser, face : (P,) int array
+        Number of the view that each belongs to, of the laser, and of the board's face that it
+        shines on.
 
     Raises
     ------
@@ -32,17 +35,16 @@ class LinePixels:
         If the shapes disagree, or a point is not finite.
     """
 
-    view: np.ndarray = field(default_factory=lambda: np.zeros(0, dtype=int))
     uv: Array = field(default_factory=lambda: np.zeros((0, 2)))
-    std: Array | None = None
-    laser: np.ndarray | None = None
-    face: np.ndarray | None = None
+    std: Array = field(default_factory=_none)
+    view: np.ndarray = field(default_factory=_none)
+    laser: np.ndarray = field(default_factory=_none)
+    face: np.ndarray = field(default_factory=_none)
 
     def __post_init__(self) -> None:
         count = len(self.uv)
-        given = {"view": self.view, "laser": self.laser, "face": self.face}
-        for name, numbers in given.items():
-            values = np.zeros(count, dtype=int) if numbers is None else np.asarray(numbers, int)
+        for name in ("view", "laser", "face"):
+            values = np.array(getattr(self, name), dtype=int)
             if values.shape != (count,) or (values < 0).any():
                 raise InputError(
                     f"{name} of {count} points of a line has shape {values.shape}, or is negative",
@@ -50,12 +52,16 @@ class LinePixels:
                 )
             values.setflags(write=False)
             object.__setattr__(self, name, values)
-        uv = np.array(self.uv, dtype=float).reshape(count, 2)
-        std = np.full(count, np.nan) if self.std is None else np.array(self.std, dtype=float)
-        if not np.isfinite(uv).all() or std.shape != (count,) or (std <= 0).any():
+        uv, std = np.array(self.uv, dtype=float), np.array(self.std, dtype=float)
+        if uv.shape != (count, 2) or not np.isfinite(uv).all():
             raise InputError(
-                "a point of a line is not finite, or its std is not above zero",
-                "give finite image points, and a std above zero or NaN for each",
+                f"a line's points have shape {uv.shape} or are not finite",
+                "give u and v of every point",
+            )
+        if std.shape != (count,) or (std <= 0).any():
+            raise InputError(
+                f"std of {count} points of a line has shape {std.shape}, or is not above zero",
+                "give a std above zero, or NaN, for each point",
             )
         for name, array in (("uv", uv), ("std", std)):
             array.setflags(write=False)
@@ -66,11 +72,10 @@ class LinePixels:
 
     def take(self, points: np.ndarray) -> LinePixels:
         """The points that an index array or mask selects."""
-        assert self.std is not None and self.laser is not None and self.face is not None
         return LinePixels(
-            self.view[points],
             self.uv[points],
             self.std[points],
+            self.view[points],
             self.laser[points],
             self.face[points],
         )
@@ -142,13 +147,18 @@ class BoardViews:
     def take(self, views: np.ndarray) -> BoardViews:
         """The views that an index array or mask selects, their lines with them."""
         index = np.arange(len(self))[views]
-        assert self.std is not None
         place = np.full(len(self), -1)
         place[index] = np.arange(len(index))
         kept = self.line.take(place[self.line.view] >= 0)
         line = replace(kept, view=place[kept.view])
         names = tuple(self.names[i] for i in index)
-        return BoardViews(names, self.uv[index], self.std[index], line)
+        return BoardViews(names, self.uv[index], self.stds[index], line)
+
+    @property
+    def stds(self) -> Array:
+        """``(N, M)`` std of the points, NaN where unknown."""
+        assert self.std is not None  # set when the views are made
+        return self.std
 
     def without(self, points: np.ndarray, line_points: np.ndarray | None = None) -> BoardViews:
         """The views with the points of a mask ``(N, M)``, and those of the line of a mask
