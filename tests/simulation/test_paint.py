@@ -7,10 +7,11 @@ import math
 import numpy as np
 import pytest
 
-from sheetoflight.simulation.paint import Block, Chart, Checker, Disc, Quadrants
+from sheetoflight.simulation.paint import Block, Cells, Chart, Checker, Disc, Quadrants
 
 PITCH = 0.25
 TURN = 0.37
+CODE = ((True, True, False), (False, True, True), (False, False, True))
 
 
 def chart(turn: float = TURN, shift: tuple[float, float] = (0.113, 0.071)) -> Chart:
@@ -46,7 +47,7 @@ def test_axis_parallel_block_covers_its_area_exactly():
 
 @pytest.mark.parametrize("shift", [(0.0, 0.0), (0.113, 0.071), (0.2, 0.05)], ids=str)
 def test_turned_shapes_cover_their_area(shift):
-    """A disc, its quarters, a block and a chequer with an odd number of fields."""
+    """A disc, its quarters, a block, chequers of odd and of oblong size, and a coded patch."""
     c = chart(shift=shift)
     radius = 6.3
     disc = math.pi * radius**2
@@ -56,7 +57,9 @@ def test_turned_shapes_cover_their_area(shift):
         (Quadrants(0.4, 0.3, radius, 0.1, along=True), disc / 2, corner_bound(5, radius, rim / 2)),
         (Quadrants(0.4, 0.3, radius, 0.1, along=False), disc / 2, corner_bound(5, radius, rim / 2)),
         (Block(0.4, 0.3, 5.0, 2.0, 0.1, turn=0.5), 40.0, corner_bound(4)),
-        (Checker(0.4, 0.3, 3.0, 5, 0.1), 13 * 9.0, corner_bound(36)),
+        (Checker(0.4, 0.3, (3.0, 3.0), (5, 5), 0.1), 13 * 9.0, corner_bound(36)),
+        (Checker(0.4, 0.3, (3.0, 2.5), (4, 3), 0.1), 6 * 7.5, corner_bound(20)),
+        (Cells(0.4, 0.3, 12.0, CODE, 0.1), 5 * 16.0, corner_bound(16)),
     ]
     for shape, expected, bound in cases:
         assert area(shape.coverage(c)) == pytest.approx(expected, abs=bound)
@@ -116,7 +119,25 @@ def test_quarters_balance_about_the_marker_centre(along):
 
 def test_an_unpainted_field_has_no_outline():
     """The outer edge of a chequer's empty fields is no edge."""
-    checker = Checker(0.0, 0.0, 3.0, 4, 0.1)
+    checker = Checker(0.0, 0.0, (3.0, 3.0), (4, 4), 0.1)
     c = chart(turn=0.0, shift=(0.0, 0.0))
     field = (c.a > 0.5) & (c.a < 2.5) & (c.b > 3.5)  # row 3, column 2: an empty field
     assert checker.coverage(c)[field].max() == 0.0
+
+
+def test_cells_are_painted_row_by_row():
+    """In the middle of each cell the code itself is seen: the first row at the smallest second
+    coordinate, the first cell of a row at the smallest first one."""
+    a, b = np.meshgrid([-4.0, 0.0, 4.0], [-4.0, 0.0, 4.0])
+    one, zero = np.array(1.0), np.array(0.0)
+    middles = Chart(a + 0.4, b + 0.3, (one, zero), (zero, one), 0.25)
+    seen = Cells(0.4, 0.3, 12.0, CODE, 0.1).coverage(middles)
+    assert seen.tolist() == [[float(cell) for cell in row] for row in CODE]
+
+
+def test_an_oblong_chequer_starts_with_paint():
+    """Fields of 3 × 2 mm: the first along both axes is painted, its neighbours are not."""
+    one, zero = np.array(1.0), np.array(0.0)
+    at = Chart(np.array([-4.5, -1.5, -4.5, -1.5]), np.array([-2.0, -2, 0, 0]), (one, zero),
+               (zero, one), 0.25)  # fmt: skip
+    assert Checker(0, 0, (3.0, 2.0), (4, 3), 0.1).coverage(at).tolist() == [1, 0, 0, 1]

@@ -14,10 +14,13 @@ from functools import lru_cache
 
 import numpy as np
 
+from sheetoflight.calibration.board_evidence import BoardEvidence
+from sheetoflight.calibration.components import COMPONENTS
 from sheetoflight.calibration.placements import Placement, placed, placement_names
 from sheetoflight.calibration.rig_state import CAMERA, LOCAL_SIZE, RigState
 from sheetoflight.estimation.block_least_squares import Block
 from sheetoflight.geometry.directions import Array
+from sheetoflight.model.board_views import BoardViews
 from sheetoflight.model.observations import TargetViews
 
 
@@ -29,6 +32,7 @@ class Adjustment:
     positions : (M,) array
         Marker positions along the target, mm.
     stages : mapping from stage to TargetViews
+        Of the collinear target.
     std : mapping from stage to (N, M) array
         Standard uncertainty of each image coordinate, px.
     free : tuple of str
@@ -36,6 +40,10 @@ class Adjustment:
         all others are held. The poses of all views are always estimated.
     whiteners : mapping from stage to (N, 2 M, 2 M) array, optional
         For stages with correlated noise: ``W`` with ``WᵀW = Σ⁻¹``, in place of ``1/std``.
+    boards : BoardEvidence, optional
+        The views of stage board.
+    variances : (6,) array, optional
+        Of the noise components, for the boards.
     """
 
     def __init__(
@@ -45,12 +53,16 @@ class Adjustment:
         std: Mapping[str, Array],
         free: tuple[str, ...],
         whiteners: Mapping[str, Array] | None = None,
+        boards: BoardEvidence | None = None,
+        variances: Array | None = None,
     ) -> None:
         self.positions = positions
         self.stages = dict(stages)
         self.std = dict(std)
         self.parameters = free
         self.whiteners = dict(whiteners or {})
+        self.boards = boards
+        self._variances = np.ones(len(COMPONENTS)) if variances is None else variances
         self._intrinsics = [i for i, name in enumerate(CAMERA) if name in free]
         seen = {stage: views.seen for stage, views in self.stages.items()}
         self._weights = {
@@ -69,7 +81,17 @@ class Adjustment:
         """Observed coordinates less estimated parameters."""
         observed = sum(2 * int(views.seen.sum()) for views in self.stages.values())
         local = sum(LOCAL_SIZE[stage] * len(views) for stage, views in self.stages.items())
-        return observed - local - self.shared_size
+        boards = 0 if self.boards is None else self.boards.degrees_of_freedom
+        return observed + boards - local - self.shared_size
+
+    @property
+    def block_names(self) -> tuple[str, ...]:
+        """The stage of each of `blocks`."""
+        return (*self.stages, *(() if self.boards is None else ("board",)))
+
+    def views_of(self, stage: str) -> TargetViews | BoardViews:
+        """The views of a stage, of which boards are one."""
+        return self.boards.views if stage == "board" and self.boards else self.stages[stage]
 
     def columns_of(self, names: Sequence[str]) -> np.ndarray:
         """Indices of shared parameters by name."""
@@ -77,24 +99,31 @@ class Adjustment:
 
     def blocks(self, state: RigState) -> list[Block]:
         """Whitened residuals (predicted minus observed) and their derivatives, by stage."""
-        return [self._whitened(stage, self.block(state, stage)) for stage in self.stages]
+        blocks = [self._whitened(stage, self.block(state, stage)) for stage in self.stages]
+        if self.boards is not None:
+            blocks.append(self.boards.block(state, self.parameters, self._variances))
+        return blocks
 
     def moved(self, state: RigState, shared: Array, local: Sequence[Array]) -> RigState:
         """The state after a step; unchanged where no such camera exists, so that there is no
         gain and the solver damps the step."""
         steps = dict(zip(self.parameters, shared.tolist(), strict=True))
-        return state.moved(steps, dict(zip(self.stages, local, strict=True))) or state
+        return state.moved(steps, dict(zip(self.block_names, local, strict=True))) or state
 
     def placed(self, state: RigState, stage: str) -> Placement:
         """The points of one stage in space."""
         return placed(state, stage, self.positions, self.stages[stage])
 
     def residuals_px(self, state: RigState) -> dict[str, Array]:
-        """Observed minus predicted image points ``(N, M, 2)`` by stage; NaN where not seen."""
-        return {
+        """Observed minus predicted image points ``(N, M, 2)`` by stage, of the boards their
+        points; NaN where not seen."""
+        residuals = {
             stage: views.uv - state.camera.project(self.placed(state, stage).points)
             for stage, views in self.stages.items()
         }
+        if self.boards is not None:
+            residuals["board"] = self.boards.errors(state)
+        return residuals
 
     def block(
         self, state: RigState, stage: str, moves: Sequence[Array] = (), own: Array | None = None

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+from sheetoflight.calibration.components import PIXEL
 from sheetoflight.calibration.estimation_task import EstimationTask
 from sheetoflight.calibration.fitting import Fit
 from sheetoflight.calibration.identifiability import determined
-from sheetoflight.calibration.noise import PIXEL, NoiseModel
+from sheetoflight.calibration.noise import NoiseModel
 from sheetoflight.calibration.rig_state import ANCHOR
 from sheetoflight.calibration.search import best_fit
 from sheetoflight.errors import UntrustworthyError

@@ -12,7 +12,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from sheetoflight.calibration.noise import COMPONENTS, PIXEL, chi2_limit, noise_model
+from sheetoflight.calibration.components import COMPONENTS, PIXEL
+from sheetoflight.calibration.noise import chi2_limit, noise_model
 from sheetoflight.calibration.sheet_map_closed_form import sheet_map
 from sheetoflight.calibration.usable_views import refuse_unusable_views
 from sheetoflight.errors import InputError, UntrustworthyError

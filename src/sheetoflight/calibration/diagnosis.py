@@ -14,6 +14,7 @@ from dataclasses import replace
 import numpy as np
 from scipy.special import fdtrc
 
+from sheetoflight.calibration.components import MARKER, PIXEL, PLACEMENT
 from sheetoflight.calibration.faults import Hypothesis, hypotheses
 from sheetoflight.calibration.fitting import Fit, fitted
 from sheetoflight.calibration.line_scatter import (
@@ -23,7 +24,6 @@ from sheetoflight.calibration.line_scatter import (
     noisy_stages,
     together,
 )
-from sheetoflight.calibration.noise import PIXEL, PLACEMENT
 from sheetoflight.calibration.residual_tests import exact
 from sheetoflight.calibration.score_tests import ScoredFit
 from sheetoflight.estimation.block_least_squares import scaled_inverse
@@ -68,10 +68,11 @@ def findings(fit: Fit) -> tuple[Finding, ...]:
 def without_placement(fit: Fit) -> Fit:
     """The fit with the targets taken to lie in their sheets: what hides behind placement noise
     shows again."""
-    if not fit.noise.variances[PLACEMENT:].any():
+    if not fit.noise.placed_off:
         return fit
     variances, free = fit.noise.variances.copy(), fit.noise.free.copy()
-    variances[PLACEMENT:], free[PLACEMENT:] = 0.0, False
+    offsets = [PLACEMENT, MARKER]
+    variances[offsets], free[offsets] = 0.0, False
     noise = replace(fit.noise, variances=variances, free=free)
     stages, parameters = fit.adjustment.stages, fit.adjustment.parameters
     return fitted(fit.rig, stages, parameters, fit.state, noise, "joint")
@@ -87,7 +88,7 @@ def confirmed(fit: Fit, tested: ScoredFit, hypothesis: Hypothesis) -> Finding | 
     count = next(iter(hypothesis.columns.values())).shape[-1]
     groups = [
         group.widened(hypothesis.columns.get(stage, None), size, count)
-        for stage, group in zip(tested.stages, tested.widest(fit), strict=True)
+        for stage, group in zip(fit.adjustment.block_names, tested.widest(fit), strict=True)
     ]
     try:
         # a stated size may be wrong just where a fault is sought
@@ -101,7 +102,7 @@ def confirmed(fit: Fit, tested: ScoredFit, hypothesis: Hypothesis) -> Finding | 
     estimate = -covariance @ model.gradient
     amount, own = estimate[size:], covariance[size:, size:]
     spread = own + np.diag(np.full(count, hypothesis.tolerance**2))
-    placed_off = bool(sizes[PLACEMENT:].any() or fit.noise.variances[PLACEMENT:].any())
+    placed_off = bool(sizes[[PLACEMENT, MARKER]].any() or fit.noise.placed_off)
     rest = _freedom(tested, hypothesis, count, placed_off)
     if rest < 1:
         return None
@@ -142,7 +143,7 @@ def suspicious(fit: Fit, scatter: Mapping[str, Scatter] | None = None) -> bool:
     their lines, which needs no calibration, or targets seem to lie off their sheet."""
     if exact(fit):
         return False
-    if fit.noise.free[PLACEMENT] and fit.noise.variances[PLACEMENT:].any():
+    if fit.noise.free[PLACEMENT] and fit.noise.placed_off:
         return True
     scatter = scatter or line_scatter(fit)
     if noisy_stages(scatter):

@@ -10,7 +10,16 @@ import numpy as np
 from scipy.special import chdtrc, fdtrc
 
 from sheetoflight.calibration.adjustment import Adjustment
-from sheetoflight.calibration.noise import PIXEL, PLACEMENT, NoiseModel
+from sheetoflight.calibration.components import (
+    COMPONENTS,
+    CORNER,
+    LINE,
+    MARKER,
+    PIXEL,
+    PLACEMENT,
+    STRIPE,
+)
+from sheetoflight.calibration.noise import NoiseModel
 from sheetoflight.calibration.pose_reselection import reselected
 from sheetoflight.calibration.rig_state import LOCAL_SIZE, RigState
 from sheetoflight.errors import UntrustworthyError
@@ -30,6 +39,11 @@ from sheetoflight.estimation.variance_components import (
 from sheetoflight.geometry.directions import Array
 from sheetoflight.model.observations import TargetViews
 from sheetoflight.model.rig import Rig
+
+_OFFSETS = (PLACEMENT, MARKER, LINE)
+"""Components that are estimated only where the residuals ask for them: all else is always there."""
+
+_NOTHING = np.zeros((len(COMPONENTS), len(COMPONENTS)))
 
 _RESELECTIONS = 5
 _NOISE_ROUNDS = 8
@@ -56,7 +70,7 @@ class Fit:
     solution : Solution
     noise : NoiseModel
         With the estimated variances in place.
-    size_covariance : (3, 3) array
+    size_covariance : (6, 6) array
         Of the estimated variances; zero where they were stated.
     """
 
@@ -146,54 +160,56 @@ def fitted(
     adjustment = noise.adjustment(rig, stages, free, state)
     if solution is None or adjustment.whiteners:
         solution = settled(adjustment, state, stage)
-    sizes = _only(noise, stages)
+    fit = Fit(rig, adjustment, solution, noise, _NOTHING)
+    acting = _acting(adjustment)
+    sizes = noise.free & acting
     if not sizes.any() or adjustment.degrees_of_freedom < 1:
-        return Fit(rig, adjustment, solution, noise, np.zeros((3, 3)))
-    weights_change = "plane" in stages and noise.variances[PLACEMENT:].any()
-    if not (sizes[PLACEMENT:].any() or weights_change):
-        return _with_pixel_noise(Fit(rig, adjustment, solution, noise, np.zeros((3, 3))))
-    return _with_components(rig, adjustment, solution, noise, sizes, stage)
+        return fit
+    if (acting & (sizes | (noise.variances > 0))).sum() == 1:
+        return _with_one_component(fit, int(np.argmax(sizes)))
+    return _with_components(fit, sizes, stage)
 
 
-def _only(noise: NoiseModel, stages: Mapping[str, TargetViews]) -> np.ndarray:
-    """Free components that these stages can tell."""
-    there = np.array([True, "plane" in stages, "plane" in stages])
-    return noise.free & there
+def _acting(adjustment: Adjustment) -> np.ndarray:
+    """Components that disturb the observations of an adjustment."""
+    boards = adjustment.boards
+    there = {
+        PIXEL: len(adjustment.stages) > 0,
+        PLACEMENT: "plane" in adjustment.stages,
+        MARKER: "plane" in adjustment.stages,
+        CORNER: boards is not None,
+        STRIPE: boards is not None and boards.lines is not None,
+        LINE: boards is not None and boards.lines is not None,
+    }
+    return np.array([there[k] for k in range(len(COMPONENTS))])
 
 
-def _with_pixel_noise(fit: Fit) -> Fit:
-    """The only unknown size is that of the pixel noise: no weight changes with it."""
+def _with_one_component(fit: Fit, component: int) -> Fit:
+    """The only unknown size is that of one noise: no weight changes with it."""
     freedom = fit.degrees_of_freedom
-    variance = fit.noise.variances[PIXEL] * fit.chi2 / freedom
+    variance = fit.noise.variances[component] * fit.chi2 / freedom
     variances = fit.noise.variances.copy()
-    variances[PIXEL] = variance
-    spread = np.zeros((3, 3))
-    spread[PIXEL, PIXEL] = 2.0 * variance**2 / freedom
+    variances[component] = variance
+    spread = _NOTHING.copy()
+    spread[component, component] = 2.0 * variance**2 / freedom
     sized = replace(fit, noise=fit.noise.with_variances(variances), size_covariance=spread)
     if "contrasts" in vars(fit):  # they do not depend on the sizes, and cost an evaluation
         vars(sized)["contrasts"] = fit.contrasts
     return sized
 
 
-def _with_components(
-    rig: Rig,
-    adjustment: Adjustment,
-    solution: Solution[RigState],
-    noise: NoiseModel,
-    free: np.ndarray,
-    stage: str,
-) -> Fit:
+def _with_components(fit: Fit, free: np.ndarray, stage: str) -> Fit:
     """Residuals tell the noise, the noise weighs the residuals, until both agree."""
-    variances = noise.variances.copy()
-    if free[PIXEL]:
-        variances[PIXEL] *= max(2.0 * solution.cost / adjustment.degrees_of_freedom, 1e-12)
-    if free[PLACEMENT:].any():
-        fit = Fit(rig, adjustment, solution, noise, np.zeros((3, 3)))
-        free = free & _asked_for(fit, variances, free)
-        if not free[PLACEMENT:].any():
-            return _with_pixel_noise(fit) if free[PIXEL] else fit
-    start = _first_offsets(noise, adjustment, solution.state, variances, free)
-    spread = np.zeros((3, 3))
+    rig, noise, adjustment, solution = fit.rig, fit.noise, fit.adjustment, fit.solution
+    start = _first_sizes(fit, free)
+    if free[list(_OFFSETS)].any():
+        free = free & _asked_for(fit, start, free)
+        if not noise.placed_off and free.sum() == 1 and adjustment.boards is None:
+            return _with_one_component(fit, int(np.argmax(free)))
+        if not free.any():
+            return fit
+    variances, start = start, _first_offsets(fit, start, free)
+    spread = _NOTHING
     for _ in range(_NOISE_ROUNDS):
         groups = noise.contrasts(adjustment, solution.state, {})
         try:
@@ -213,6 +229,22 @@ def _with_components(
     return Fit(rig, adjustment, solution, noise.with_variances(variances), spread)
 
 
+def _first_sizes(fit: Fit, free: np.ndarray) -> Array:
+    """Variances without offsets, roughly: what scales all residuals where that is the pixel noise
+    alone, else estimated."""
+    variances = fit.noise.variances.copy()
+    always = free & ~np.isin(np.arange(len(free)), _OFFSETS)
+    if fit.adjustment.boards is None:
+        if free[PIXEL]:
+            variances[PIXEL] *= max(fit.chi2 / fit.degrees_of_freedom, 1e-12)
+        return variances
+    try:
+        size = fit.adjustment.shared_size
+        return variance_components(fit.contrasts, size, variances, always).sizes
+    except np.linalg.LinAlgError:
+        return variances
+
+
 def _asked_for(fit: Fit, variances: Array, free: np.ndarray) -> np.ndarray:
     """Components to estimate: each kind of offset from the sheet only where the residuals show it,
     the second beside the first.
@@ -220,7 +252,7 @@ def _asked_for(fit: Fit, variances: Array, free: np.ndarray) -> np.ndarray:
     A variance that can only be positive would else, where there is none, be found too large.
     """
     groups, size = fit.contrasts, fit.adjustment.shared_size
-    asked = np.arange(len(free)) == PIXEL
+    asked = free & ~np.isin(np.arange(len(free)), _OFFSETS)
     try:
         strength = np.where(free & ~asked, excess(groups, size, variances, free), -np.inf)
         first = int(np.argmax(strength))
@@ -229,7 +261,7 @@ def _asked_for(fit: Fit, variances: Array, free: np.ndarray) -> np.ndarray:
         ):
             return asked
         asked[first] = True
-        start = _first_offsets(fit.noise, fit.adjustment, fit.state, variances, free & asked)
+        start = _first_offsets(fit, variances, free & asked)
         sizes = variance_components(groups, size, start, free & asked).sizes
         return asked | (excess(groups, size, sizes, free & asked) > _SHOWN)
     except np.linalg.LinAlgError:
@@ -241,15 +273,17 @@ def _scatters_more(
 ) -> bool:
     """Whether the in-plane views scatter more than the others, whichever way their markers move
     most: the score weighs those of large image motion, of which there may be few."""
+    if not free[PLACEMENT]:
+        return False
     squares, counts = {}, {}
-    for stage, group in zip(adjustment.stages, groups, strict=True):
+    for stage, group in zip(adjustment.stages, groups, strict=False):  # the boards come last
         inverse = np.linalg.inv(group.covariance(variances * (np.arange(len(free)) == PIXEL)))
         squares[stage] = float(np.einsum("ni,nij,nj->", group.values, inverse, group.values))
         seen = int(adjustment.stages[stage].seen.sum())
         counts[stage] = 2 * seen - LOCAL_SIZE[stage] * len(group.values)
     own = sum(name.startswith("sheet") for name in adjustment.parameters)
     lying = counts["plane"] - own
-    rest = adjustment.degrees_of_freedom - lying
+    rest = sum(counts.values()) - adjustment.shared_size + own - counts["plane"]
     if lying < 1:
         return False
     if not free[PIXEL]:
@@ -260,15 +294,18 @@ def _scatters_more(
     return float(fdtrc(lying, rest, squares["plane"] / lying / (others / rest))) < _SHOWN_ODDS
 
 
-def _first_offsets(
-    noise: NoiseModel, adjustment: Adjustment, state: RigState, variances: Array, free: np.ndarray
-) -> Array:
-    """Variances at which placement and pixel noise are alike, as a start."""
+def _first_offsets(fit: Fit, variances: Array, free: np.ndarray) -> Array:
+    """Variances at which offsets and the noise of single points are alike, as a start."""
     start = variances.copy()
-    for component, part in noise.parts(adjustment, state, "plane"):
-        if component != PIXEL and free[component]:
-            per_mm = float(np.trace(part, axis1=1, axis2=2).mean()) / part.shape[-1]
-            start[component] = variances[PIXEL] / max(per_mm, 1e-12)
+    if free[PLACEMENT] or free[MARKER]:
+        for component, part in fit.noise.parts(fit.adjustment, fit.state, "plane"):
+            if component != PIXEL and free[component]:
+                per_mm = float(np.trace(part, axis1=1, axis2=2).mean()) / part.shape[-1]
+                start[component] = variances[PIXEL] / max(per_mm, 1e-12)
+    if free[LINE]:
+        parts = dict(fit.contrasts[-1].variances)
+        stripe, line = (float(np.einsum("nii->", parts[k])) for k in (STRIPE, LINE))
+        start[LINE] = variances[STRIPE] * stripe / max(line, 1e-300)
     return start
 
 
@@ -300,11 +337,11 @@ def _solved(
 def _no_pose(adjustment: Adjustment, state: RigState, stage: str) -> UntrustworthyError:
     """The refusal of a view whose own parameters are open."""
     who = "a view"
-    for name, block in zip(adjustment.stages, adjustment.blocks(state), strict=True):
+    for name, block in zip(adjustment.block_names, adjustment.blocks(state), strict=True):
         singular = np.linalg.matrix_rank(block.by_local) < block.by_local.shape[2]
         if singular.any():
-            stage = name
-            who = f"view {adjustment.stages[name].names[int(np.argmax(singular))]}"
+            stage, views = name, adjustment.views_of(name)
+            who = f"view {views.names[int(np.argmax(singular))]}"
             break
     return UntrustworthyError(
         stage,

@@ -21,9 +21,9 @@ import numpy as np
 from scipy.special import chdtri
 
 from sheetoflight.calibration.adjustment import Adjustment
+from sheetoflight.calibration.components import PIXEL
 from sheetoflight.calibration.fitting import Fit, fitted, settled
 from sheetoflight.calibration.next_view import next_view, size_of
-from sheetoflight.calibration.noise import PIXEL
 from sheetoflight.calibration.rig_state import ANCHOR, RigState
 from sheetoflight.errors import UntrustworthyError
 from sheetoflight.estimation.block_least_squares import Solution, SolverOptions
@@ -308,7 +308,8 @@ def _solution_beside(
 def _moved(fit: Fit, step: Array) -> RigState | None:
     """The state after a step of the shared parameters, the poses following."""
     local = {}
-    for stage, block in zip(fit.adjustment.stages, fit.adjustment.blocks(fit.state), strict=True):
+    blocks = fit.adjustment.blocks(fit.state)
+    for stage, block in zip(fit.adjustment.block_names, blocks, strict=True):
         pull = np.einsum("nrk,nrs,s->nk", block.by_local, block.by_shared, step[block.columns])
         normal = np.swapaxes(block.by_local, 1, 2) @ block.by_local
         local[stage] = -np.linalg.solve(normal, pull[..., None])[..., 0]

@@ -8,8 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.special import chdtri, fdtrc
 
+from sheetoflight.calibration.components import MARKER
 from sheetoflight.calibration.fitting import Fit
-from sheetoflight.calibration.noise import MARKER
 from sheetoflight.calibration.score_tests import ScoredFit
 from sheetoflight.geometry.directions import Array, normalised
 from sheetoflight.model.camera import Camera

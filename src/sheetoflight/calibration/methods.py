@@ -7,9 +7,10 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from sheetoflight.calibration.components import PIXEL
 from sheetoflight.calibration.fitting import Fit
 from sheetoflight.calibration.joint_method import joint
-from sheetoflight.calibration.noise import PIXEL, NoiseModel, chi2_limit, noise_model
+from sheetoflight.calibration.noise import NoiseModel, chi2_limit, noise_model
 from sheetoflight.calibration.outcome import Outcome
 from sheetoflight.calibration.paper_method import paper
 from sheetoflight.calibration.paper_plane import PaperOptions

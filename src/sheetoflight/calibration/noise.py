@@ -16,14 +16,14 @@ import numpy as np
 from scipy.special import chdtri
 
 from sheetoflight.calibration.adjustment import Adjustment
+from sheetoflight.calibration.board_evidence import BoardEvidence
+from sheetoflight.calibration.components import LINE, MARKER, PIXEL, PLACEMENT
 from sheetoflight.calibration.rig_state import RigState
 from sheetoflight.estimation.variance_components import Contrasts, contrasts
 from sheetoflight.geometry.directions import Array
+from sheetoflight.model.board_views import proportions as proportions_of
 from sheetoflight.model.observations import TargetViews
 from sheetoflight.model.rig import Rig
-
-COMPONENTS = ("pixel", "placement", "marker")
-PIXEL, PLACEMENT, MARKER = range(3)
 
 _FALSE_ALARM = 1e-3
 
@@ -36,9 +36,9 @@ class NoiseModel:
     ----------
     proportions : mapping from stage to (N, M) array
         Of the image coordinates' standard uncertainties; root mean square 1.
-    variances : (3,) array
-        Of the `COMPONENTS`: px², mm², mm².
-    free : (3,) mask
+    variances : (6,) array
+        Of the `COMPONENTS`: px², mm², mm², px², px², mm².
+    free : (6,) mask
         Which of them are to be estimated from the residuals.
     """
 
@@ -73,15 +73,24 @@ class NoiseModel:
             Where the image motions j are evaluated; needed where there is placement noise.
         """
         std = {stage: self.std(stage) for stage in stages}
-        plain = Adjustment(rig.target.positions, stages, std, free)
-        if "plane" not in stages or not self.variances[PLACEMENT:].any() or state is None:
+        boards = _board_evidence(rig, state)
+        plain = Adjustment(rig.target.positions, stages, std, free, None, boards, self.variances)
+        if "plane" not in stages or not self.placed_off or state is None:
             return plain
         covariance = self.covariance(plain, state, "plane")
         places = np.arange(covariance.shape[-1])
         unseen = ~np.repeat(stages["plane"].seen, 2, axis=1)
         covariance[:, places, places] += np.where(unseen, 1.0, 0.0)
         whitener = np.linalg.inv(np.linalg.cholesky(covariance))
-        return Adjustment(rig.target.positions, stages, std, free, {"plane": whitener})
+        whiteners = {"plane": whitener}
+        return Adjustment(
+            rig.target.positions, stages, std, free, whiteners, boards, self.variances
+        )
+
+    @property
+    def placed_off(self) -> bool:
+        """Whether targets are taken to lie off their sheets."""
+        return bool(self.variances[[PLACEMENT, MARKER]].any())
 
     def parts(self, adjustment: Adjustment, state: RigState, stage: str) -> list[tuple[int, Array]]:
         """The components that act in a stage and their covariances per unit, ``(N, 2M, 2M)``."""
@@ -117,6 +126,7 @@ class NoiseModel:
         state : RigState
         moves : mapping from stage to list of (N, M, 3) arrays
             Further ways in which the points could move; columns behind the shared parameters.
+            Where there are any, the size of the boards is a column behind them all.
         """
         groups = []
         for stage, views in adjustment.stages.items():
@@ -124,7 +134,21 @@ class NoiseModel:
             parts = self.parts(adjustment, state, stage)
             seen = np.repeat(views.seen, 2, axis=1)
             groups.append(contrasts(block, parts, seen))
+        if adjustment.boards is not None:
+            lines_off = bool(self.free[LINE] or self.variances[LINE] > 0)
+            groups.append(
+                adjustment.boards.contrasts(state, adjustment.parameters, lines_off, bool(moves))
+            )
         return groups
+
+
+def _board_evidence(rig: Rig, state: RigState | None) -> BoardEvidence | None:
+    views = rig.observations.board
+    if rig.board is None or not len(views):
+        return None
+    if state is None:
+        return BoardEvidence(rig.board, views, None)
+    return BoardEvidence.at(rig.board, views, state)
 
 
 def off_sheet_motion(adjustment: Adjustment, state: RigState) -> Array:
@@ -157,7 +181,7 @@ def noise_model(rig: Rig) -> NoiseModel:
     size comes from ``pixel_std``, as the root mean square over all points, or else from the
     residuals. Points without ``std`` count as typical ones.
     """
-    stages = rig.observations.stages()
+    stages, boards = rig.observations.stages(), rig.observations.board
     own = {
         stage: np.full(views.uv.shape[:2], np.nan) if views.std is None else views.std
         for stage, views in stages.items()
@@ -170,9 +194,13 @@ def noise_model(rig: Rig) -> NoiseModel:
         for stage, values in own.items()
     }
     lying = "plane" in stages and rig.placement_std is None
-    variances = [(rig.pixel_std or typical) ** 2, (rig.placement_std or 0.0) ** 2, 0.0]
-    free = np.array([rig.pixel_std is None, lying, lying])
-    return NoiseModel(proportions, np.array(variances), free)
+    corner, stripe = (proportions_of(std)[1] for std in (boards.stds, boards.line.std))
+    lines = len(boards.line) > 0
+    std = [rig.pixel_std or typical, rig.placement_std or 0.0, 0.0]
+    std += [rig.pixel_std or corner, stripe, 0.0]
+    open_size = rig.pixel_std is None
+    free = [open_size and bool(stages), lying, lying, open_size and len(boards) > 0, lines, lines]
+    return NoiseModel(proportions, np.array(std) ** 2, np.array(free))
 
 
 def chi2_limit(degrees_of_freedom: int) -> float:

@@ -14,9 +14,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.special import chdtri
 
+from sheetoflight.calibration.components import PIXEL
 from sheetoflight.calibration.estimation_task import EstimationTask
 from sheetoflight.calibration.fitting import Fit, fitted
-from sheetoflight.calibration.noise import PIXEL, NoiseModel
+from sheetoflight.calibration.noise import NoiseModel
 from sheetoflight.calibration.residual_tests import (
     quiet_variance,
     residual_tests,
@@ -31,7 +32,7 @@ from sheetoflight.calibration.wrong_points import (
     decided,
 )
 from sheetoflight.errors import UntrustworthyError
-from sheetoflight.model.observations import Observations, TargetViews
+from sheetoflight.model.observations import TargetViews
 from sheetoflight.model.rig import Rig
 
 _ROUNDS = 8
@@ -223,7 +224,7 @@ def _without(rig: Rig, masks: Mapping[str, np.ndarray]) -> Rig:
     for stage, views in rig.observations.stages().items():
         left = views.without(masks[stage])
         kept[stage] = left.take(left.seen[:, :markers].sum(axis=1) >= 2)
-    return replace(rig, observations=Observations(**kept))
+    return replace(rig, observations=replace(rig.observations, **kept))
 
 
 def _named(

@@ -7,8 +7,9 @@ from dataclasses import replace
 import numpy as np
 
 from sheetoflight.calibration.camera_alone import camera_alone, with_known_pixel_noise
+from sheetoflight.calibration.components import COMPONENTS, PIXEL
 from sheetoflight.calibration.fitting import Fit, fitted
-from sheetoflight.calibration.noise import COMPONENTS, PIXEL, NoiseModel
+from sheetoflight.calibration.noise import NoiseModel
 from sheetoflight.calibration.outcome import Outcome
 from sheetoflight.calibration.paper_plane import PaperOptions, PaperPlane, paper_plane
 from sheetoflight.calibration.rig_state import CAMERA, intrinsic_names, sheet_names
@@ -42,7 +43,7 @@ def paper(rig: Rig, noise: NoiseModel, options: PaperOptions) -> Outcome:
     points, used = triangulated_views(rig, camera.state.camera, "plane")
     plane = paper_plane(points, options)
     state = with_planes(rig, camera.state, [(plane.normal, plane.distance)])
-    held = replace(with_known_pixel_noise(camera), free=np.zeros(3, dtype=bool))
+    held = replace(with_known_pixel_noise(camera), free=np.zeros(len(COMPONENTS), dtype=bool))
     fit = fitted(rig, {"plane": rig.observations.plane}, (), state, held, "plane")
     names = intrinsic_names(rig.free_intrinsics)
     second, slope = _paper_influence(fit, rig, plane, used)

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from sheetoflight.calibration.components import COMPONENTS, PIXEL, PLACEMENT
 from sheetoflight.calibration.noise import NoiseModel
 from sheetoflight.calibration.rig_state import (
     ANCHOR,
@@ -71,13 +72,14 @@ def planned_rig(rig: Rig, nominal: NominalRig, pivoting: bool = True) -> Planned
         np.array([plane.distance_mm for plane in nominal.light_planes]),
         {},
     )
-    variances = np.array([rig.pixel_std**2, (rig.placement_std or 0.0) ** 2, 0.0])
+    variances = np.zeros(len(COMPONENTS))
+    variances[PIXEL], variances[PLACEMENT] = rig.pixel_std**2, (rig.placement_std or 0.0) ** 2
     parameters = (
         *intrinsic_names(rig.free_intrinsics),
         *(ANCHOR if pivoting else ()),
         *sheet_names(len(rig.lasers)),
     )
-    noise = NoiseModel({}, variances, np.zeros(3, dtype=bool))
+    noise = NoiseModel({}, variances, np.zeros(len(COMPONENTS), dtype=bool))
     return PlannedRig(rig, state, noise, parameters, nominal.depth_mm)
 
 

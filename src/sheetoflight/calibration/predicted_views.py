@@ -12,7 +12,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from sheetoflight.calibration.adjustment import Adjustment
-from sheetoflight.calibration.noise import PIXEL, NoiseModel
+from sheetoflight.calibration.components import PIXEL
+from sheetoflight.calibration.noise import NoiseModel
 from sheetoflight.calibration.placements import placed
 from sheetoflight.calibration.rig_state import CAMERA, SHEET_PARTS, RigState
 from sheetoflight.geometry.directions import Array

@@ -6,9 +6,9 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from sheetoflight.calibration.components import COMPONENTS, PIXEL
 from sheetoflight.calibration.fitting import Fit
 from sheetoflight.calibration.identifiability import LINEAR_LIMIT
-from sheetoflight.calibration.noise import COMPONENTS, PIXEL
 from sheetoflight.calibration.outcome import Outcome
 from sheetoflight.calibration.uncertainty import covariance_of
 from sheetoflight.errors import UntrustworthyError

@@ -17,7 +17,7 @@ CAMERA = tuple(f"camera.{name}" for name in Camera.PARAMETERS)
 ANCHOR = ("anchor.x", "anchor.y", "anchor.z")
 SHEET_PARTS = ("tilt1", "tilt2", "d")
 
-LOCAL_SIZE = {"camera": 2, "plane": 3, "crossing": 5}
+LOCAL_SIZE = {"camera": 2, "plane": 3, "crossing": 5, "board": 6}
 """Parameters of its own that a view of each stage has."""
 
 
@@ -47,7 +47,8 @@ class RigState:
         Distance d of each sheet from the camera, mm.
     poses : mapping from stage to array
         ``camera``: directions t ``(N, 3)``; ``plane``: x, y in mm and ψ in radians ``(N, 3)``;
-        ``crossing``: the target's middle in mm and its direction ``(N, 6)``.
+        ``crossing``: the target's middle in mm and its direction ``(N, 6)``; ``board``:
+        camera_from_target ``[R t]`` ``(N, 3, 4)``, t in mm.
     """
 
     camera: Camera
@@ -94,9 +95,7 @@ class RigState:
         return RigState(
             camera=self.camera.with_parameters(parameters),
             anchor=self.anchor + _steps(shared, ANCHOR),
-            frames=np.array(
-                [rotation(turn) @ frame for turn, frame in zip(turns, self.frames, strict=True)]
-            ).reshape(-1, 3, 3),
+            frames=rotation(turns) @ self.frames,
             distances=self.distances + steps[:, 2],
             poses=poses,
         )
@@ -111,4 +110,7 @@ def _moved_poses(stage: str, poses: Array, step: Array) -> Array:
         return moved(poses, step)
     if stage == "plane":
         return poses + step
+    if stage == "board":
+        turned = rotation(step[:, :3]) @ poses[:, :, :3]
+        return np.concatenate([turned, poses[:, :, 3:] + step[:, 3:, None]], axis=2)
     return np.concatenate([poses[:, :3] + step[:, :3], moved(poses[:, 3:], step[:, 3:])], axis=1)

@@ -45,7 +45,7 @@ class ScoredFit:
         inverses = [np.linalg.inv(group.covariance(fit.noise.variances)) for group in groups]
         chi2, freedom = {}, {}
         for (stage, views), group, inverse in zip(
-            fit.adjustment.stages.items(), groups, inverses, strict=True
+            fit.adjustment.stages.items(), groups, inverses, strict=False
         ):
             chi2[stage] = float(np.einsum("ni,nij,nj->", group.values, inverse, group.values))
             own = covariance[np.ix_(group.columns, group.columns)]
@@ -135,6 +135,7 @@ class ScoredFit:
         """Share of the residuals' squares that estimated parameters take away."""
         before = sum(self.chi2.values())
         after = 0.0
+        # the boards come last; no hypothesis is about them
         for group, inverse in zip(groups, self.inverses, strict=True):
             values = group.values + group.by_shared @ estimate[group.columns]
             after += float(np.einsum("ni,nij,nj->", values, inverse, values))

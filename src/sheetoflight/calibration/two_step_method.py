@@ -7,13 +7,14 @@ from dataclasses import replace
 import numpy as np
 
 from sheetoflight.calibration.camera_alone import camera_alone, with_known_pixel_noise
+from sheetoflight.calibration.components import PIXEL
 from sheetoflight.calibration.fitting import Fit, fitted
 from sheetoflight.calibration.identifiability import (
     determined,
     require_open_sheets,
     roughly_determined,
 )
-from sheetoflight.calibration.noise import PIXEL, NoiseModel
+from sheetoflight.calibration.noise import NoiseModel
 from sheetoflight.calibration.outcome import Outcome
 from sheetoflight.calibration.rig_state import intrinsic_names, sheet_names
 from sheetoflight.calibration.starts import evidence, with_sheets

@@ -14,8 +14,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from sheetoflight.calibration.components import COMPONENTS, PIXEL
 from sheetoflight.calibration.fitting import Fit, undetermined
-from sheetoflight.calibration.noise import COMPONENTS, PIXEL
 from sheetoflight.calibration.rig_state import CAMERA, RigState, sheet_names
 from sheetoflight.geometry.directions import Array
 from sheetoflight.model.covariance import PLANE_PARTS, Covariance, NoiseComponents, Source

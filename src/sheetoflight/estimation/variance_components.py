@@ -44,6 +44,9 @@ class Contrasts:
         The component and its V_k.
     across : (N, m, r) array
         From a group's r residuals to its m contrasts.
+    rest : tuple of (int, float, int)
+        Residuals that no parameter moves, of which only the component, the sum of squares and
+        the number are kept. Each is disturbed by that component alone.
     """
 
     values: Array
@@ -52,6 +55,7 @@ class Contrasts:
     unseen: Array
     variances: tuple[tuple[int, Array], ...]
     across: Array
+    rest: tuple[tuple[int, float, int], ...] = ()
 
     def covariance(self, sizes: Array) -> Array:
         """V ``(N, m, m)`` for component variances θ. What was not observed gets a variance of
@@ -77,7 +81,12 @@ class Contrasts:
         return replace(self, by_shared=by_shared, columns=columns)
 
 
-def contrasts(block: Block, variances: Sequence[tuple[int, Array]], seen: np.ndarray) -> Contrasts:
+def contrasts(
+    block: Block,
+    variances: Sequence[tuple[int, Array]],
+    seen: np.ndarray,
+    rest: tuple[tuple[int, float, int], ...] = (),
+) -> Contrasts:
     """Eliminate the groups' own parameters.
 
     Parameters
@@ -88,6 +97,8 @@ def contrasts(block: Block, variances: Sequence[tuple[int, Array]], seen: np.nda
         Components and their V_k.
     seen : (N, r) mask
         Residuals that were observed.
+    rest : tuple of (int, float, int)
+        See `Contrasts`.
     """
     local = block.by_local.shape[-1]
     basis = np.linalg.qr(block.by_local, mode="complete")[0][..., local:]
@@ -99,7 +110,33 @@ def contrasts(block: Block, variances: Sequence[tuple[int, Array]], seen: np.nda
         unseen=across @ (np.where(seen, 0.0, 1.0)[..., None] * basis),
         variances=tuple((k, across @ part @ basis) for k, part in variances),
         across=across,
+        rest=rest,
     )
+
+
+def compressed(design: Array, residuals: Array) -> tuple[Array, Array, Array]:
+    """Residuals ``e = J x`` of many observations of unit variance turned so that few of them hold
+    all that J sees.
+
+    With ``[J e] = Q R``, the rows of R say the same as those of ``[J e]``, and the last element
+    is the length of what J cannot reach.
+
+    Parameters
+    ----------
+    design : (N, n, k) array
+    residuals : (N, n) array
+
+    Returns
+    -------
+    design : (N, q, k), residuals : (N, q), with q the lesser of n and k
+    rest : (N,)
+        Sum of squares of the ``n − q`` others.
+    """
+    triangle = np.linalg.qr(np.concatenate([design, residuals[..., None]], axis=2), mode="r")
+    width = design.shape[2]
+    kept = triangle[:, :width]
+    rest = triangle[:, width, width] ** 2 if triangle.shape[1] > width else np.zeros(len(design))
+    return kept[..., :width], kept[..., width], rest
 
 
 @dataclass(frozen=True)
@@ -141,6 +178,7 @@ class _Whitened:
     by_shared: Array  # (N m, s)
     variances: Mapping[int, Array]  # V_k, (N, m, m)
     pulled: Mapping[int, Array]  # V_k X, (N m, s)
+    rest: tuple[tuple[int, float, int], ...]
 
     @classmethod
     def of(cls, group: Contrasts, sizes: Array) -> _Whitened:
@@ -155,6 +193,7 @@ class _Whitened:
             by_shared.reshape(-1, width),
             variances,
             {k: (part @ by_shared).reshape(-1, width) for k, part in variances.items()},
+            group.rest,
         )
 
 
@@ -292,6 +331,10 @@ def _score(groups: Sequence[Contrasts], size: int, sizes: Array) -> tuple[Array,
             for other, beside in group.variances.items():
                 between = group.pulled[k].T @ group.pulled[other]
                 fisher[k, other] += np.vdot(part, beside) - 2.0 * np.vdot(own, between)
+        for k, squares, number in group.rest:
+            score[k] += squares / sizes[k] ** 2 - number / sizes[k]
+            fisher[k, k] += number / sizes[k] ** 2
+            scale[k] = max(scale[k], 1.0 / sizes[k])
     reduced = covariance @ mixed
     score += np.trace(reduced, axis1=1, axis2=2)
     fisher += np.einsum("kij,lji->kl", reduced, reduced)

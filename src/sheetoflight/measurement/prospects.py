@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from sheetoflight.calibration.choice_of_views import LengthScore, best_sets, next_for_lengths
-from sheetoflight.calibration.noise import PIXEL
+from sheetoflight.calibration.components import PIXEL
 from sheetoflight.calibration.plan import (
     Kind,
     Told,

@@ -11,6 +11,19 @@ from sheetoflight.errors import InputError
 from sheetoflight.geometry.directions import Array
 
 
+def proportions(std: Array) -> tuple[Array, float]:
+    """Standard uncertainties over their root mean square, and that: 1 where none is known.
+
+    Parameters
+    ----------
+    std : array
+        NaN where unknown, which counts as typical.
+    """
+    known = std[np.isfinite(std)]
+    typical = float(np.sqrt(np.mean(known**2))) if known.size else 1.0
+    return np.where(np.isfinite(std), std, typical) / typical, typical
+
+
 def _none() -> Array:
     return np.zeros(0)
 
@@ -69,6 +82,12 @@ class LinePixels:
 
     def __len__(self) -> int:
         return len(self.uv)
+
+    @cached_property
+    def proportions(self) -> Array:
+        """``(P,)``: the points' std, those without one counting as typical, over its root mean
+        square."""
+        return proportions(self.std)[0]
 
     def take(self, points: np.ndarray) -> LinePixels:
         """The points that an index array or mask selects."""

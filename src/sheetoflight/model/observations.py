@@ -9,6 +9,7 @@ import numpy as np
 
 from sheetoflight.errors import InputError
 from sheetoflight.geometry.directions import Array
+from sheetoflight.model.board_views import BoardViews
 
 
 @dataclass(frozen=True, eq=False)
@@ -123,13 +124,21 @@ class Observations:
         All markers lie in the sheet of light.
     crossing : TargetViews
         The sheet crosses the target, and the laser's spot on it is seen.
+    board : BoardViews
+        A board or a solid body of known points, with or without lines of light on it.
     """
 
     camera: TargetViews = field(default_factory=no_views)
     plane: TargetViews = field(default_factory=no_views)
     crossing: TargetViews = field(default_factory=no_views)
+    board: BoardViews = field(default_factory=BoardViews)
 
     def stages(self) -> dict[str, TargetViews]:
-        """The stages that hold at least one view."""
+        """The stages of the collinear target that hold at least one view."""
         every = {"camera": self.camera, "plane": self.plane, "crossing": self.crossing}
         return {stage: views for stage, views in every.items() if len(views)}
+
+    def counts(self) -> dict[str, int]:
+        """How many views each stage holds that holds any."""
+        counts = {stage: len(views) for stage, views in self.stages().items()}
+        return counts | ({"board": len(self.board)} if len(self.board) else {})

@@ -6,7 +6,8 @@ import math
 from dataclasses import dataclass, field
 
 from sheetoflight.errors import InputError
-from sheetoflight.model.camera import DISTORTION_MODELS
+from sheetoflight.model.board import Board
+from sheetoflight.model.camera import DISTORTION_MODELS, Camera
 from sheetoflight.model.observations import Observations
 from sheetoflight.model.target import CollinearTarget
 
@@ -31,6 +32,10 @@ class Rig:
         it; estimated where absent, 0 where the target is known to lie in the sheet.
     lasers : tuple of str
         Names of the sheets of light.
+    board : Board, optional
+        What stage board shows.
+    camera : Camera, optional
+        The camera where it is known already; it is estimated where absent.
     observations : Observations
     source : str
         Where it was read from, for reports.
@@ -43,6 +48,8 @@ class Rig:
     pixel_std: float | None = None
     placement_std: float | None = None
     lasers: tuple[str, ...] = ("laser",)
+    board: Board | None = None
+    camera: Camera | None = None
     observations: Observations = field(default_factory=Observations)
     source: str = ""
 
@@ -76,5 +83,7 @@ class Rig:
     @property
     def free_intrinsics(self) -> tuple[str, ...]:
         """Names of the camera parameters to estimate, in `Camera.PARAMETERS` order."""
+        if self.camera is not None:
+            return ()
         skew = ("gamma",) if self.skew else ()
         return ("alpha", "beta", *skew, "u0", "v0", *DISTORTION_MODELS[self.distortion])

@@ -46,7 +46,8 @@ def _thing(a: float, b: float, rng: np.random.Generator) -> list[Paint]:
         case 1:
             return [Disc(a, b, size / 2, reflectance)]
         case 2:
-            return [Checker(a, b, size / 2, int(rng.integers(2, 6)), reflectance)]
+            pitch, fields = size / 2, int(rng.integers(2, 6))
+            return [Checker(a, b, (pitch, pitch), (fields, fields), reflectance)]
         case _:
             return _text(a, b, size / 4, reflectance, rng)
 

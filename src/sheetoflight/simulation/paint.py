@@ -174,30 +174,84 @@ class Block:
 
 @dataclass(frozen=True)
 class Checker:
-    """A square chequered patch with every other field painted."""
+    """An oblong chequered patch with every other field painted, the first one among them.
+
+    Parameters
+    ----------
+    pitch : (float, float)
+        Size of a field along the surface's axes, mm.
+    fields : (int, int)
+        Number of fields along the axes.
+    """
 
     a: float
     b: float
-    pitch: float
-    fields: int
+    pitch: tuple[float, float]
+    fields: tuple[int, int]
     reflectance: float
 
     @property
     def reach(self) -> float:
         """Half of the diagonal, mm."""
-        return self.pitch * self.fields / math.sqrt(2.0)
+        return math.hypot(*self._half)
+
+    @property
+    def _half(self) -> tuple[float, float]:
+        return self.pitch[0] * self.fields[0] / 2, self.pitch[1] * self.fields[1] / 2
 
     def coverage(self, chart: Chart) -> Array:
         """Painted share of each sample's footprint."""
         a, b = chart.a - self.a, chart.b - self.b
-        half = self.pitch * self.fields / 2
-        columns = chart.coverage(self._wave(a + half), 1.0, 0.0)
-        rows = chart.coverage(self._wave(b + half), 0.0, 1.0)
+        half_a, half_b = self._half
+        columns = chart.coverage(self._wave(a + half_a, 0), 1.0, 0.0)
+        rows = chart.coverage(self._wave(b + half_b, 1), 0.0, 1.0)
         same = columns * rows + (1.0 - columns) * (1.0 - rows)
-        return same * chart.band(a, half, 1.0, 0.0) * chart.band(b, half, 0.0, 1.0)
+        return same * chart.band(a, half_a, 1.0, 0.0) * chart.band(b, half_b, 0.0, 1.0)
 
-    def _wave(self, along: Array) -> Array:
+    def _wave(self, along: Array, axis: int) -> Array:
         """Distance to the nearest inner edge, positive in the fields 0, 2, 4 …, mm."""
-        inner = np.clip(along, self.pitch / 2, (self.fields - 0.5) * self.pitch)
-        phase = np.mod(inner + self.pitch / 2, 2 * self.pitch)
-        return self.pitch / 2 - np.abs(phase - self.pitch)
+        pitch, fields = self.pitch[axis], self.fields[axis]
+        inner = np.clip(along, pitch / 2, (fields - 0.5) * pitch)
+        phase = np.mod(inner + pitch / 2, 2 * pitch)
+        return pitch / 2 - np.abs(phase - pitch)
+
+
+@dataclass(frozen=True)
+class Cells:
+    """A square patch of square cells, some of them painted, such as a coded marker.
+
+    Parameters
+    ----------
+    side : float
+        Of the whole patch, mm.
+    painted : tuple of tuples of bool
+        Row by row along the second axis; in each, the cells along the first.
+    """
+
+    a: float
+    b: float
+    side: float
+    painted: tuple[tuple[bool, ...], ...]
+    reflectance: float
+
+    @property
+    def reach(self) -> float:
+        """Half of the diagonal, mm."""
+        return self.side / math.sqrt(2.0)
+
+    def coverage(self, chart: Chart) -> Array:
+        """Painted share of each sample's footprint."""
+        columns = self._shares(chart, chart.a - self.a, 1.0, 0.0)
+        rows = self._shares(chart, chart.b - self.b, 0.0, 1.0)
+        covered = np.zeros_like(columns[0])
+        for row, painted in zip(rows, self.painted, strict=True):
+            within = [share for share, black in zip(columns, painted, strict=True) if black]
+            covered += row * np.sum(within, axis=0) if within else 0.0
+        return covered
+
+    def _shares(self, chart: Chart, along: Array, by_a: float, by_b: float) -> list[Array]:
+        """Share of each footprint in every column, or row, of cells."""
+        count = len(self.painted)
+        edges = self.side * (np.arange(count + 1) / count - 0.5)
+        beyond = [chart.coverage(along - edge, by_a, by_b) for edge in edges]
+        return [beyond[i] - beyond[i + 1] for i in range(count)]

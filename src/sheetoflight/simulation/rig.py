@@ -8,6 +8,7 @@ import numpy as np
 
 from sheetoflight.errors import InputError
 from sheetoflight.geometry.directions import Array
+from sheetoflight.model.board import Board
 from sheetoflight.model.camera import Camera
 from sheetoflight.model.light_plane import LightPlane
 from sheetoflight.model.target import CollinearTarget
@@ -29,6 +30,8 @@ class SimulatedRig:
         Where the line projector of the first laser stands, in its sheet of light.
     depth_mm : (float, float)
         Nearest and farthest Z of targets and objects in a sheet.
+    board : PlanarBoard or SolidTarget, optional
+        What is held across the sheets in stage board.
 
     Raises
     ------
@@ -42,6 +45,7 @@ class SimulatedRig:
     anchor_mm: Array = field(default_factory=lambda: np.array([0.0, -120.0, 1000.0]))
     projector_mm: Array = field(default_factory=lambda: np.zeros(3))
     depth_mm: tuple[float, float] = (900.0, 1300.0)
+    board: Board | None = None
 
     def __post_init__(self) -> None:
         names = [plane.name for plane in self.light_planes]

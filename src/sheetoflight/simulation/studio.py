@@ -1,4 +1,4 @@
-"""Targets and bars held before a wall, stage by stage."""
+"""Targets, boards and bars held before a wall, stage by stage."""
 
 from __future__ import annotations
 
@@ -7,11 +7,18 @@ from typing import Any
 
 import numpy as np
 
+from sheetoflight.errors import InputError
 from sheetoflight.geometry.directions import Array, normalised
+from sheetoflight.model.board import PlanarBoard
+from sheetoflight.simulation.board_lines import chords, face_outlines
+from sheetoflight.simulation.board_poses import BoardHolding, board_poses, placed_points
+from sheetoflight.simulation.board_surface import board_border, board_surface
 from sheetoflight.simulation.clutter import clutter
 from sheetoflight.simulation.holding import Holding, held
 from sheetoflight.simulation.picture import PictureTask, ViewOptions
 from sheetoflight.simulation.poses import (
+    crossing_poses,
+    crossing_spots,
     in_plane_poses,
     pivot_poses,
     segments_in_sheet,
@@ -27,8 +34,8 @@ from sheetoflight.simulation.scene import (
     wall_surface,
 )
 
-_STAGES = ("camera", "plane", "measure")
-_CLUTTER = len(_STAGES)
+_STAGES = ("camera", "plane", "measure", "wall", "board", "crossing")
+"""Their order fixes every random number."""
 _POSES, _NOISE = 0, 1
 
 
@@ -85,6 +92,67 @@ class Studio:
             for laser in (False, True)
         ]
 
+    def board_tasks(self, count: int) -> list[PictureTask]:
+        """The rig's board is held across the sheet; laser off and on, or on alone."""
+        rig, board = self._rig, self._rig.board
+        if not count:
+            return []
+        if not isinstance(board, PlanarBoard):
+            raise InputError(
+                "views of a board are asked for, and the rig has none to paint", "give a flat board"
+            )
+        border = board_border(board) * rig.camera.alpha / rig.depth_mm[0]
+        holding = BoardHolding(
+            max_tilt_deg=self._options.max_board_tilt_deg,
+            margin_px=self._options.margin_px + border,
+            whole=True,
+            max_roll_deg=self._options.max_board_roll_deg,
+            farthest_mm=self._farthest,
+        )
+        rng = _generator(self._seed, _STAGES.index("board"), _POSES)
+        poses = zip(*board_poses(rig, board, count, rng, holding), strict=True)
+        return [
+            self._board_task(i, board, *pose, laser)
+            for i, pose in enumerate(poses)
+            for laser in self._lasers
+        ]
+
+    def crossing_tasks(self, count: int) -> list[PictureTask]:
+        """The sheet crosses the target between two markers; laser off and on, or on alone."""
+        rng = _generator(self._seed, _STAGES.index("crossing"), _POSES)
+        positions = self._rig.target.positions
+
+        def draw(n: int) -> Array:
+            points = target_points(*crossing_poses(self._rig, n, rng), positions)
+            return points[self._spots_are_clear(points)]
+
+        poses = held(self._rig, count, draw, self._target(True), "crossing views")
+        return [
+            self._target_task("crossing", i, points, laser)
+            for i, points in enumerate(poses)
+            for laser in self._lasers
+        ]
+
+    @property
+    def _lasers(self) -> tuple[bool, ...]:
+        return (False, True) if self._options.pairs else (True,)
+
+    @property
+    def _farthest(self) -> float:
+        """Greatest Z, mm, at which nothing reaches through the wall."""
+        return float(self._wall.centre[2]) - self._options.wall_gap_mm
+
+    def _spots_are_clear(self, points: Array) -> np.ndarray:
+        """Mask of the targets ``(n, M, 3)`` on which the sheet meets bare paper before the wall."""
+        away = np.linalg.norm(points - self._spots(points)[:, None, :], axis=-1)
+        clear = away.min(axis=1) >= self._rig.target.marker_size_mm
+        return np.asarray(clear & (points[..., 2].max(axis=1) <= self._farthest))
+
+    def _spots(self, points: Array) -> Array:
+        """Where the sheet meets targets ``(n, M, 3)``: ``(n, 3)``, mm."""
+        along = normalised(points[:, -1] - points[:, 0])
+        return crossing_spots(self._rig.light_plane, points[:, 0], along)
+
     def _target(self, laser: bool) -> Holding:
         return self._holding(self._rig.target.marker_size_mm / 2, laser)
 
@@ -106,16 +174,37 @@ class Studio:
         facing = facing_direction(self._rig, (points[0] + points[-1]) / 2, laser is not None)
         direction = normalised(points[-1] - points[0])
         strip = target_surface(self._rig.target, points[0], direction, facing)
-        uv = self._rig.camera.project(points)
-        truth = {"markers_uv": uv.tolist(), "markers_xyz": points.tolist()}
+        truth = self._seen("markers", points)
+        if stage == "crossing":
+            truth |= self._seen("spots", self._spots(points[None]))
         return self._task(stage, index, f"{stage}{index:02d}", laser, strip, truth)
+
+    def _board_task(
+        self, index: int, board: PlanarBoard, rotation: Array, translation: Array, laser: bool
+    ) -> PictureTask:
+        pose = rotation[None], translation[None]
+        (outline,) = face_outlines(board)
+        (ends,) = chords(placed_points(outline, *pose), self._rig.light_plane)
+        truth = {
+            "camera_from_target": {
+                "rotation": rotation.tolist(),
+                "translation_mm": translation.tolist(),
+            },
+            **self._seen("points", placed_points(board.points, *pose)[0]),
+            **self._seen("line", ends),
+        }
+        sheet = board_surface(board, rotation, translation, self._options.codes)
+        return self._task("board", index, f"board{index:02d}", laser, sheet, truth)
+
+    def _seen(self, what: str, points: Array) -> dict[str, Any]:
+        uv = self._rig.camera.project(points)
+        return {f"{what}_uv": uv.tolist(), f"{what}_xyz": points.tolist()}
 
     def _bar_task(self, index: int, ends: Array, laser: bool) -> PictureTask:
         facing = facing_direction(self._rig, ends.mean(axis=0), laser=True)
         bar = bar_surface(ends, facing, self._options.bar_width_mm)
         truth = {
-            "ends_uv": self._rig.camera.project(ends).tolist(),
-            "ends_xyz": ends.tolist(),
+            **self._seen("ends", ends),
             "length_mm": float(np.linalg.norm(ends[1] - ends[0])),
         }
         return self._task("measure", index, f"bar{index:02d}", laser, bar, truth)
@@ -139,6 +228,7 @@ class Studio:
             seed=self._seed,
             key=(_STAGES.index(stage), _NOISE, index, int(bool(laser))),
             truth=truth,
+            pair=self._options.pairs or stage not in ("board", "crossing"),
         )
 
 
@@ -154,7 +244,7 @@ def backdrop(
         distance * width / rig.camera.alpha / 2,
         distance * height / rig.camera.beta / 2,
         options.clutter,
-        _generator(seed, _CLUTTER),
+        _generator(seed, _STAGES.index("wall")),
     )
     return wall_surface(rig, distance, paint)
 

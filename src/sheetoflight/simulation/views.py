@@ -7,10 +7,12 @@ in the folder: they may be rendered in any order, or in several processes, to th
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from dataclasses import asdict
 from typing import Any
 
 import numpy as np
 
+from sheetoflight.model.board import PlanarBoard
 from sheetoflight.simulation.picture import PictureTask, SimulatedPicture, ViewOptions
 from sheetoflight.simulation.render import render
 from sheetoflight.simulation.rig import SimulatedRig
@@ -25,9 +27,13 @@ def rig_pictures(
     segments: Sequence[float] = (),
     options: ViewOptions | None = None,
     seed: int = 0,
+    board_views: int = 0,
+    crossing_views: int = 0,
 ) -> Iterator[SimulatedPicture]:
     """The pictures of a rig folder, rendered one at a time; see `picture_tasks`."""
-    for task in picture_tasks(rig, camera_views, plane_views, segments, options, seed):
+    for task in picture_tasks(
+        rig, camera_views, plane_views, segments, options, seed, board_views, crossing_views
+    ):
         yield render_task(task)
 
 
@@ -45,6 +51,8 @@ def picture_tasks(
     segments: Sequence[float] = (),
     options: ViewOptions | None = None,
     seed: int = 0,
+    board_views: int = 0,
+    crossing_views: int = 0,
 ) -> list[PictureTask]:
     """What is to be rendered for a rig folder.
 
@@ -61,11 +69,16 @@ def picture_tasks(
     seed : int
         The same seed gives the same pictures; views of one stage do not depend on the number
         of views in another.
+    board_views : int
+        Views of the rig's board held across the sheet (stage board).
+    crossing_views : int
+        Views of the target that the sheet crosses at one point (stage crossing).
 
     Raises
     ------
     InputError
-        If so many views cannot be held wholly in the picture within the allowed tilt.
+        If so many views cannot be held wholly in the picture within the allowed tilt, or the rig
+        has no flat board.
     """
     options = options or ViewOptions()
     studio = Studio(rig, backdrop(rig, segments, options, seed), options, seed)
@@ -73,6 +86,8 @@ def picture_tasks(
         *studio.camera_tasks(camera_views),
         *studio.plane_tasks(plane_views),
         *studio.measure_tasks(segments),
+        *studio.board_tasks(board_views),
+        *studio.crossing_tasks(crossing_views),
     ]
 
 
@@ -83,8 +98,8 @@ def folder_truth(rig: SimulatedRig, tasks: Sequence[PictureTask]) -> dict[str, A
     -------
     dict
         ``camera`` (image_size, matrix, distortion), ``light_plane`` (normal, distance_mm),
-        ``projector_mm``, ``anchor_mm``, ``target`` (markers_mm), and under ``views``, by stage
-        and view name, the truth of each view.
+        ``projector_mm``, ``anchor_mm``, ``target`` (markers_mm), ``board`` where the rig has a
+        flat one, and under ``views``, by stage and view name, the truth of each view.
     """
     views: dict[str, dict[str, Any]] = {}
     for task in tasks:
@@ -108,8 +123,13 @@ def folder_truth(rig: SimulatedRig, tasks: Sequence[PictureTask]) -> dict[str, A
             "marker": rig.target.marker,
             "marker_size_mm": rig.target.marker_size_mm,
         },
+        **_board_truth(rig),
         "views": views,
     }
+
+
+def _board_truth(rig: SimulatedRig) -> dict[str, Any]:
+    return {"board": asdict(rig.board)} if isinstance(rig.board, PlanarBoard) else {}
 
 
 def blank_scene(rig: SimulatedRig, options: ViewOptions | None = None, seed: int = 0) -> Scene:

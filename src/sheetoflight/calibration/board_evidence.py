@@ -1,0 +1,320 @@
+"""Boards, and the lines of light on them, as a part of the adjustment.
+
+A view's own parameters are its pose: a turn ω and a shift of the board's origin. The points of the
+board see the camera and the pose; the lines (`lines_on_boards`) see the sheets too.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from sheetoflight.calibration.components import CORNER, LINE, STRIPE
+from sheetoflight.calibration.lines_on_boards import (
+    RAY,
+    LineRows,
+    ReducedLines,
+    line_rows,
+    off_sheet_patterns,
+    reduced_lines,
+)
+from sheetoflight.calibration.rig_state import CAMERA, LOCAL_SIZE, RigState, sheet_names
+from sheetoflight.estimation.block_least_squares import Block
+from sheetoflight.estimation.variance_components import Contrasts, compressed, contrasts
+from sheetoflight.geometry.directions import Array
+from sheetoflight.geometry.rotations import cross_matrix
+from sheetoflight.model.board import Board
+from sheetoflight.model.board_views import BoardViews, proportions
+
+_POSE = LOCAL_SIZE["board"]
+
+_PARTS = 2
+"""Free parts of a line: its turn and its offset."""
+
+
+@dataclass(frozen=True, eq=False)
+class BoardEvidence:
+    """The views of stage board, ready to be adjusted.
+
+    Parameters
+    ----------
+    board : Board
+    views : BoardViews
+    lines : ReducedLines or None
+        None where there is no sheet to adjust.
+    """
+
+    board: Board
+    views: BoardViews
+    lines: ReducedLines | None
+
+    @classmethod
+    def at(cls, board: Board, views: BoardViews, state: RigState) -> BoardEvidence:
+        """The views with their lines reduced at a state's camera."""
+        there = len(views.line) > 0 and len(state.distances) > 0
+        return cls(board, views, reduced_lines(views.line, state.camera) if there else None)
+
+    @cached_property
+    def proportions(self) -> Array:
+        """``(N, M)``: of the points' standard uncertainties."""
+        return proportions(self.views.stds)[0]
+
+    @property
+    def observed(self) -> int:
+        """Number of image coordinates of points, and of points of lines."""
+        lines = 0 if self.lines is None else int(self.lines.counts.sum())
+        return 2 * int(self.views.seen.sum()) + lines
+
+    @property
+    def degrees_of_freedom(self) -> int:
+        """Observations less the poses' parameters."""
+        return self.observed - _POSE * len(self.views)
+
+    @cached_property
+    def _slots(self) -> int:
+        """The most lines that a view has."""
+        none = self.lines is None or not len(self.lines)
+        return 0 if none else int(self.lines.slot.max()) + 1  # pyright: ignore[reportOptionalMemberAccess]
+
+    def columns(self, parameters: Sequence[str], state: RigState) -> np.ndarray:
+        """Which of all shared parameters move the residuals: the camera's, then the sheets'."""
+        names = (*CAMERA, *(sheet_names(len(state.distances)) if self.lines is not None else ()))
+        return np.array([parameters.index(n) for n in names if n in parameters], dtype=int)
+
+    def errors(self, state: RigState) -> Array:
+        """Observed minus predicted image points ``(N, M, 2)``, px; NaN where not seen."""
+        return self.views.uv - state.camera.project(self.points(state))
+
+    def points(self, state: RigState) -> Array:
+        """The board's points ``(N, M, 3)`` in the camera frame, mm."""
+        pose = state.poses["board"]
+        return self.board.points @ np.swapaxes(pose[:, :, :3], 1, 2) + pose[:, None, :, 3]
+
+    def block(self, state: RigState, parameters: Sequence[str], variances: Array) -> Block:
+        """Whitened residuals, predicted minus observed, and their derivatives.
+
+        Parameters
+        ----------
+        state : RigState
+        parameters : sequence of str
+            The shared parameters to estimate.
+        variances : (6,) array
+            Of the `COMPONENTS`.
+        """
+        weights = self._weights / np.sqrt(variances[CORNER])
+        corners = _weighted(self.corner_block(state, parameters), weights)
+        if self.lines is None:
+            return corners
+        rows = line_rows(self.lines, self.board, state)
+        lines = self._line_block(
+            state, parameters, rows, self._pulls(parameters, rows), rows.misses
+        )
+        whitener = self._whitener(rows, variances)
+        lines = Block(
+            (whitener @ lines.residuals[..., None])[..., 0],
+            whitener @ lines.by_shared,
+            lines.columns,
+            whitener @ lines.by_local,
+        )
+        return self._stacked(corners, lines)
+
+    @cached_property
+    def _weights(self) -> Array:
+        """``(N, 2M)``: one over the points' proportions, 0 where not seen."""
+        return np.repeat(np.where(self.views.seen, 1.0 / self.proportions, 0.0), 2, axis=1)
+
+    def corner_block(
+        self, state: RigState, parameters: Sequence[str], with_size: bool = False
+    ) -> Block:
+        """Residuals of the board's points in px, not weighted, 0 where not seen; with the board's
+        relative size as a further column, behind all parameters, where wanted."""
+        pose = state.poses["board"]
+        turned = self.board.points @ np.swapaxes(pose[:, :, :3], 1, 2)
+        intrinsics = [i for i, name in enumerate(CAMERA) if name in parameters]
+        uv, by_point, by_camera = state.camera.project_with_jacobians(
+            turned + pose[:, None, :, 3], intrinsics
+        )
+        count, markers = uv.shape[:2]
+        rows = (count, 2 * markers)
+        by_local = np.concatenate([-by_point @ cross_matrix(turned), by_point], axis=-1)
+        columns = [parameters.index(CAMERA[i]) for i in intrinsics]
+        shared = [by_camera]
+        if with_size:
+            shared.append(by_point @ turned[..., None])
+            columns.append(len(parameters))
+        block = Block(
+            (uv - self.views.uv).reshape(rows),
+            np.concatenate(shared, axis=-1).reshape(*rows, -1),
+            np.array(columns, dtype=int),
+            by_local.reshape(*rows, _POSE),
+        )
+        return block if self.views.seen.all() else _silenced(block, self.views.seen)
+
+    def _pulls(self, parameters: Sequence[str], rows: LineRows) -> Array:
+        """``(L, 13, 2 + f)``: how the reduced rows move with a line's two free parts, and with
+        the f free parameters of the camera."""
+        assert self.lines is not None
+        roots = self.lines.roots
+        by_camera = roots[:, :, [RAY + i for i, name in enumerate(CAMERA) if name in parameters]]
+        return np.concatenate([roots[:, :, :RAY] @ rows.turns, by_camera], axis=2)
+
+    def _line_block(
+        self,
+        state: RigState,
+        parameters: Sequence[str],
+        rows: LineRows,
+        pulls: Array,
+        misses: Array,
+    ) -> Block:
+        """Residuals of the lines, one group a line, in units of the points' proportions."""
+        assert self.lines is not None
+        names = sheet_names(len(state.distances))
+        parts = pulls[:, :, :_PARTS]
+        sheets = parts @ rows.by_sheet
+        own = np.zeros((*sheets.shape[:2], len(names)))
+        for k in range(3):
+            own[np.arange(len(own)), :, 3 * self.lines.laser + k] = sheets[..., k]
+        free = [i for i, name in enumerate(names) if name in parameters]
+        return Block(
+            misses,
+            np.concatenate([pulls[:, :, _PARTS:], own[..., free]], axis=2),
+            self.columns(parameters, state),
+            parts @ rows.by_pose,
+        )
+
+    def contrasts(
+        self,
+        state: RigState,
+        parameters: Sequence[str],
+        with_line: bool = False,
+        with_size: bool = False,
+    ) -> Contrasts:
+        """The residuals with the poses eliminated, the many compressed to what they say.
+
+        Parameters
+        ----------
+        state : RigState
+        parameters : sequence of str
+        with_line : bool
+            Whether whole lines off the sheet are a component of the noise.
+        with_size : bool
+            Whether to add the board's relative size as a column behind all parameters.
+        """
+        corners, rest = self._compressed_corners(state, parameters, with_size)
+        told = ((CORNER, *rest),)
+        count, own = corners.residuals.shape
+        if self.lines is None:
+            parts = [(CORNER, np.broadcast_to(np.eye(own), (count, own, own)))]
+            return contrasts(corners, parts, np.ones((count, own), dtype=bool), told)
+        lines, patterns, line_rest = self._compressed_lines(state, parameters, with_size)
+        whole = self._stacked(corners, lines)
+        size = whole.residuals.shape[1]
+        corner = np.broadcast_to(np.diag(np.arange(size) < own).astype(float), (count, size, size))
+        stripe, spread = np.zeros((2, count, size, size))
+        every = np.broadcast_to(
+            np.eye(lines.residuals.shape[1]), (len(self.lines), *patterns.shape[1:2] * 2)
+        )
+        stripe[:, own:, own:] = self._own_slots(every)
+        spread[:, own:, own:] = self._own_slots(patterns @ np.swapaxes(patterns, 1, 2))
+        parts = [(CORNER, corner), (STRIPE, stripe), *([(LINE, spread)] if with_line else [])]
+        there = np.einsum("nii->ni", corner + stripe) > 0
+        return contrasts(whole, parts, there, (*told, (STRIPE, *line_rest)))
+
+    def _compressed_corners(
+        self, state: RigState, parameters: Sequence[str], with_size: bool
+    ) -> tuple[Block, tuple[float, int]]:
+        """The points' residuals in units of their proportions, compressed; and what is left."""
+        part = self.corner_block(state, parameters, with_size)
+        part = _weighted(part, self._weights)
+        width = part.by_shared.shape[2]
+        design = np.concatenate([part.by_shared, part.by_local], axis=2)
+        design, residuals, rest = compressed(design, part.residuals)
+        block = Block(residuals, design[..., :width], part.columns, design[..., width:])
+        left = 2 * int(self.views.seen.sum()) - residuals.size
+        return block, (float(rest.sum()), left)
+
+    def _compressed_lines(
+        self, state: RigState, parameters: Sequence[str], with_size: bool
+    ) -> tuple[Block, Array, tuple[float, int]]:
+        """The lines' residuals compressed, one group a line, what their ends off the sheet do to
+        them ``(L, q, 2)``, and what is left."""
+        assert self.lines is not None
+        rows = line_rows(self.lines, self.board, state)
+        pulls, misses, rest = compressed(self._pulls(parameters, rows), rows.misses)
+        block = self._line_block(state, parameters, rows, pulls, misses)
+        if with_size:
+            grown = pulls[:, :, :_PARTS] @ rows.by_size
+            columns = np.append(block.columns, len(parameters))
+            by_shared = np.concatenate([block.by_shared, grown], axis=2)
+            block = Block(block.residuals, by_shared, columns, block.by_local)
+        patterns = pulls[:, :, :_PARTS] @ off_sheet_patterns(self.lines, rows)
+        left = int(self.lines.counts.sum()) - misses.size
+        return block, patterns, (float(rest.sum()), left)
+
+    def _stacked(self, corners: Block, lines: Block) -> Block:
+        """Points and lines of each view, one below the other."""
+        count, own = corners.residuals.shape
+        by_shared = np.zeros((count, own, len(lines.columns)))
+        place = [lines.columns.tolist().index(column) for column in corners.columns]
+        by_shared[..., place] = corners.by_shared
+        below = [
+            self._by_view(values).reshape(count, self._slots * lines.residuals.shape[1], -1)
+            for values in (lines.residuals[..., None], lines.by_shared, lines.by_local)
+        ]
+        return Block(
+            np.concatenate([corners.residuals, below[0][..., 0]], axis=1),
+            np.concatenate([by_shared, below[1]], axis=1),
+            lines.columns,
+            np.concatenate([corners.by_local, below[2]], axis=1),
+        )
+
+    def _own_slots(self, values: Array) -> Array:
+        """Matrices of lines ``(L, q, q)`` on the diagonal of their views' ``(N, G q, G q)``."""
+        assert self.lines is not None
+        size, slots = values.shape[1], self._slots
+        spread = np.zeros((len(self.views), slots, size, slots, size))
+        spread[self.lines.view, self.lines.slot, :, self.lines.slot] = values
+        return spread.reshape(len(self.views), slots * size, slots * size)
+
+    def _whitener(self, rows: LineRows, variances: Array) -> Array:
+        """``(L, 13, 13)``: W with ``WᵀW = (θ_stripe I + θ_line T Tᵀ)⁻¹``, T being what a line's
+        ends off the sheet do to its rows."""
+        assert self.lines is not None
+        roots = self.lines.roots
+        size = roots.shape[-1]
+        if not variances[LINE]:
+            return np.broadcast_to(np.eye(size) / np.sqrt(variances[STRIPE]), roots.shape)
+        moved = roots[:, :, :RAY] @ rows.turns @ off_sheet_patterns(self.lines, rows)
+        covariance = variances[LINE] * moved @ np.swapaxes(moved, 1, 2)
+        covariance += variances[STRIPE] * np.eye(size)
+        return np.linalg.inv(np.linalg.cholesky(covariance))
+
+    def _by_view(self, values: Array) -> Array:
+        """Rows of lines ``(L, q, k)`` put into the slots of their views ``(N, G, q, k)``."""
+        assert self.lines is not None
+        spread = np.zeros((len(self.views), self._slots, *values.shape[1:]))
+        spread[self.lines.view, self.lines.slot] = values
+        return spread
+
+
+def _weighted(block: Block, weights: Array) -> Block:
+    return Block(
+        block.residuals * weights,
+        block.by_shared * weights[..., None],
+        block.columns,
+        block.by_local * weights[..., None],
+    )
+
+
+def _silenced(block: Block, seen: np.ndarray) -> Block:
+    """A block in which points that were not seen say nothing."""
+    hidden = np.repeat(~seen, 2, axis=1)
+    return Block(
+        np.where(hidden, 0.0, block.residuals),
+        np.where(hidden[..., None], 0.0, block.by_shared),
+        block.columns,
+        np.where(hidden[..., None], 0.0, block.by_local),
+    )

@@ -1,0 +1,195 @@
+"""Where the adjustment of boards begins: camera, poses and sheets from the boards alone.
+
+A flat board gives a homography a view, and these the camera in closed form (Zhang 2000); a solid
+body gives a projection matrix. The points alone are adjusted first, for they leave nothing open;
+then the line's points are put onto the boards, and a plane through them is the sheet.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+
+import numpy as np
+
+from sheetoflight.calibration.board_closed_form import homographies, pose_from_homography
+from sheetoflight.calibration.camera_closed_form import closed_form_cameras, normalisation
+from sheetoflight.calibration.estimation_task import EstimationTask
+from sheetoflight.calibration.fitting import settled
+from sheetoflight.calibration.noise import noise_model
+from sheetoflight.calibration.rig_state import RigState
+from sheetoflight.calibration.solid_closed_form import dlt_camera
+from sheetoflight.calibration.starts import plain_cameras
+from sheetoflight.errors import UntrustworthyError
+from sheetoflight.estimation.block_least_squares import Solution
+from sheetoflight.geometry.directions import Array, tangent_basis
+from sheetoflight.model.board import PlanarBoard
+from sheetoflight.model.board_views import LinePixels
+from sheetoflight.model.camera import Camera
+from sheetoflight.model.observations import Observations
+from sheetoflight.model.rig import Rig
+
+_ROBUST_ROUNDS = 10
+_FORGIVEN = 3.0
+"""Distances from the plane, in medians, beyond which a line's points have less and less weight."""
+
+
+def boards_alone(rig: Rig) -> Solution[RigState]:
+    """Camera and poses that fit the points of the boards, lines left aside.
+
+    Raises
+    ------
+    UntrustworthyError
+        If the views give no camera.
+    """
+    points = replace(rig.observations.board, line=LinePixels())
+    alone = replace(rig, observations=Observations(board=points))
+    task = EstimationTask(alone, noise_model(alone), {}, (), "board")
+    best: Solution[RigState] | None = None
+    for camera in _cameras(alone):
+        poses = board_poses(alone, camera)
+        if not np.isfinite(poses).all():
+            continue
+        state = replace(no_sheets(camera), poses={"board": poses})
+        solution = _adjusted(task, state)
+        if best is None or solution.cost < best.cost:
+            best = solution
+        if best.converged:
+            break
+    if best is None:
+        raise UntrustworthyError(
+            "board",
+            "no camera sees the boards as the pictures show them",
+            "tilt the board by 20° to 50° to all sides; check columns, rows and pitch_mm under "
+            "[board] in rig.toml",
+        )
+    return best
+
+
+def _adjusted(task: EstimationTask, state: RigState) -> Solution[RigState]:
+    """All at once, or, where that goes astray, first without distortion."""
+    noise, rig = task.noise, task.rig
+    solution = settled(noise.adjustment(rig, {}, task.free, state), state, "board")
+    if solution.converged or task.free == task.without_distortion:
+        return solution
+    first = settled(noise.adjustment(rig, {}, task.without_distortion, state), state, "board")
+    again = settled(noise.adjustment(rig, {}, task.free, first.state), first.state, "board")
+    return min(solution, again, key=lambda s: s.cost)
+
+
+def no_sheets(camera: Camera) -> RigState:
+    """A state of a camera alone."""
+    return RigState(camera, np.array([0.0, 0.0, 1.0]), np.zeros((0, 3, 3)), np.zeros(0), {})
+
+
+def _cameras(rig: Rig) -> Iterator[Camera]:
+    """Cameras worth trying, the best founded first."""
+    if rig.camera is not None:
+        yield rig.camera
+        return
+    views = rig.observations.board
+    if isinstance(rig.board, PlanarBoard):
+        pixels = normalisation(views.uv.reshape(-1, 2))
+        uv = views.uv * pixels[0, 0] + pixels[:2, 2]
+        maps = homographies(rig.board.points, uv)
+        maps = maps[np.isfinite(maps).all(axis=(1, 2))]
+        middle = 0.5 * (np.array(rig.image_size) - 1.0) * pixels[0, 0] + pixels[:2, 2]
+        found = closed_form_cameras(np.zeros((0, 3)), list(maps), middle, rig.skew)
+        matrices = [np.linalg.solve(pixels, matrix) for matrix in found]
+    else:
+        matrices = _projected(rig)
+    for matrix in matrices:
+        if not rig.skew:
+            matrix[0, 1] = 0.0
+        matrix[1, 0] = 0.0
+        matrix[2] = 0.0, 0.0, 1.0
+        yield Camera.from_matrix(rig.image_size, matrix)
+    yield from plain_cameras(rig)
+
+
+def _projected(rig: Rig) -> list[Array]:
+    """The median K of the views' projection matrices."""
+    assert rig.board is not None
+    found = []
+    for uv in rig.observations.board.uv:
+        seen = np.isfinite(uv).all(axis=1)
+        result = dlt_camera(rig.board.points[seen], uv[seen]) if seen.sum() >= 6 else None
+        if result is not None:
+            found.append(result[0])
+    return [np.median(found, axis=0)] if found else []
+
+
+def board_poses(rig: Rig, camera: Camera) -> Array:
+    """Poses ``(N, 3, 4)`` of the boards for a camera; NaN where a view gives none."""
+    assert rig.board is not None
+    views, board = rig.observations.board, rig.board
+    xy = camera.unproject(views.uv)[..., :2]
+    if isinstance(board, PlanarBoard):
+        turns, shifts = pose_from_homography(np.eye(3), homographies(board.points, xy))
+        return np.concatenate([turns, shifts[..., None]], axis=2)
+    poses = np.full((len(views), 3, 4), np.nan)
+    for index, image in enumerate(xy):
+        seen = np.isfinite(image).all(axis=1)
+        result = dlt_camera(board.points[seen], image[seen]) if seen.sum() >= 6 else None
+        if result is not None:
+            poses[index] = result[1]
+    return poses
+
+
+def on_boards(rig: Rig, state: RigState) -> Array:
+    """The points of the lines ``(P, 3)``, mm, camera frame: where their rays meet the boards' faces;
+    NaN where they do not."""
+    assert rig.board is not None
+    line = rig.observations.board.line
+    rays = state.camera.unproject(line.uv)
+    pose, face = state.poses["board"][line.view], rig.board.faces[line.face]
+    normal = np.einsum("pij,pj->pi", pose[:, :, :3], face[:, :3])
+    offset = face[:, 3] + np.einsum("pi,pi->p", normal, pose[:, :, 3])
+    with np.errstate(divide="ignore", invalid="ignore"):
+        depth = offset / np.einsum("pi,pi->p", normal, rays)
+    return np.where(depth > 0, depth, np.nan)[:, None] * rays
+
+
+def in_board_frame(state: RigState, line: LinePixels, points: Array) -> Array:
+    """Points ``(P, 3)`` of the camera frame in the frames of their views' boards, mm."""
+    pose = state.poses["board"][line.view]
+    return np.einsum("pji,pj->pi", pose[:, :, :3], points - pose[:, :, 3])
+
+
+def planes_on_boards(rig: Rig, state: RigState) -> list[tuple[Array, float] | None]:
+    """For each laser the plane through its line's points on the boards; None where fewer than two
+    views show its line."""
+    line, points = rig.observations.board.line, on_boards(rig, state)
+    there = np.isfinite(points).all(axis=1)
+    planes: list[tuple[Array, float] | None] = []
+    for laser in range(len(rig.lasers)):
+        own = there & (line.laser == laser)
+        few = len(np.unique(line.view[own])) < 2
+        planes.append(None if few else _agreed_plane(points[own], line.view[own]))
+    return planes
+
+
+def _agreed_plane(points: Array, view: np.ndarray) -> tuple[Array, float]:
+    """The plane that most lines agree with: every line counts once, and less the farther it lies
+    off (Cauchy's weights)."""
+    share = 1.0 / np.bincount(view)[view]
+    weights = share
+    normal, distance = np.array([0.0, 0.0, 1.0]), 0.0
+    for _ in range(_ROBUST_ROUNDS):
+        middle = (weights @ points) / weights.sum()
+        offsets = points - middle
+        normal = np.linalg.eigh(offsets.T @ (weights[:, None] * offsets))[1][:, 0]
+        off = np.abs(offsets @ normal)
+        scale = max(float(np.median(off)), 1e-9)
+        weights = share / (1.0 + (off / (_FORGIVEN * scale)) ** 2)
+        distance = float(normal @ middle)
+    return (normal, distance) if distance >= 0 else (-normal, -distance)
+
+
+def with_frames(state: RigState, planes: list[tuple[Array, float]]) -> RigState:
+    """The state with given sheets ``(normal, distance)``."""
+    frames = np.array([np.stack([*tangent_basis(n), n], axis=1) for n, _ in planes])
+    return replace(
+        state, frames=frames.reshape(-1, 3, 3), distances=np.array([d for _, d in planes])
+    )
+

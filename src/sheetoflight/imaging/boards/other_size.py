@@ -1,0 +1,67 @@
+"""What is in a picture where the board that was asked for is not."""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+
+from sheetoflight.geometry.directions import Array
+from sheetoflight.imaging.boards.grid import one_more
+from sheetoflight.imaging.boards.levels import at_working_size, brightened, eight_bit
+from sheetoflight.imaging.boards.second_board import where
+from sheetoflight.imaging.markers.grey import Picture
+from sheetoflight.model.board import PlanarBoard
+
+_FEWEST = 3
+
+
+def why_not_found(values: Picture, board: PlanarBoard) -> str:
+    """Why a chessboard of the stated size was not found, and what to do."""
+    asked = f"{board.columns} × {board.rows}"
+    grid = _any_grid(values)
+    if grid is None:
+        return (
+            f"no chessboard of {asked} inner corners found – bring the whole board into view, "
+            "evenly lit and sharp, with a light border around it"
+        )
+    rows, columns = grid.shape[:2]
+    found = f"{max(rows, columns)} × {min(rows, columns)}"
+    if board.columns < board.rows:
+        found = f"{min(rows, columns)} × {max(rows, columns)}"
+    if _runs_out(grid, values.shape):
+        return (
+            f"only {found} of {asked} inner corners are in the picture, about {where(grid)}: the "
+            "board runs out of it – bring the whole board into view, or use a charuco board, of "
+            "which a part is enough"
+        )
+    return (
+        f"found a board of {found} corners at {where(grid)}, [board] says {asked} – correct "
+        "columns and rows (inner corners, not squares), or uncover the board: glare, the laser "
+        "line or a hand may hide the rest"
+    )
+
+
+def inside(uv: Array, shape: tuple[int, ...]) -> np.ndarray:
+    """Which image points ``(..., 2)`` lie in a picture of a shape (height, width)."""
+    return np.all((uv >= 0.0) & (uv <= np.array(shape[1::-1]) - 1.0), axis=-1)
+
+
+def _any_grid(values: Picture) -> Array | None:
+    """The largest grid of corners of any size, ``(rows, columns, 2)`` px."""
+    work, size = at_working_size(values)
+    half = np.asarray(cv2.pyrDown(work), dtype=np.float32)
+    grids = []
+    for form, width in ((work, size), (half, 2.0 * size)):
+        for look in (eight_bit(form), brightened(form)):
+            flags = cv2.CALIB_CB_LARGER | cv2.CALIB_CB_NORMALIZE_IMAGE
+            found, corners, meta = cv2.findChessboardCornersSBWithMeta(
+                look, (_FEWEST, _FEWEST), flags
+            )
+            if found:
+                grids.append(width * np.asarray(corners, dtype=float).reshape(*meta.shape, 2))
+    return max(grids, key=lambda g: g.size, default=None)
+
+
+def _runs_out(grid: Array, shape: tuple[int, ...]) -> bool:
+    """Whether a further row or column would lie, in part, outside the picture."""
+    return any(not inside(line, shape).all() for line in one_more(grid))
