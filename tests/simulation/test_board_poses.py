@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from sheetoflight.errors import InputError
-from sheetoflight.model.board import PlanarBoard, SolidTarget
+from sheetoflight.model.board import PlanarBoard
 from sheetoflight.model.light_plane import LightPlane
 from sheetoflight.simulation.board_poses import (
     BoardHolding,
@@ -16,6 +16,7 @@ from sheetoflight.simulation.board_poses import (
     board_rig,
     placed_points,
 )
+from sheetoflight.simulation.bodies import folded_body
 from sheetoflight.simulation.rig import SimulatedRig
 
 BROWN = (-0.12, 0.05, 0.0008, -0.0006, 0.0)
@@ -26,18 +27,10 @@ def rig() -> SimulatedRig:
     return board_rig(distortion=BROWN)
 
 
-def folded() -> SolidTarget:
-    """Two boards of 100 × 100 mm that open towards the viewer at 130°."""
-    x, y = (a.ravel() for a in np.meshgrid(np.linspace(0.0, 100.0, 5), np.linspace(0, 100.0, 5)))
-    right = np.column_stack([x * np.sin(np.radians(65)), y, -x * np.cos(np.radians(65))])
-    points = np.concatenate([right, right * (-1.0, 1.0, 1.0)])
-    return SolidTarget(points, (range(25), range(25, 50)))
-
-
 BOARDS = {
     "chessboard": PlanarBoard("chessboard", 11, 8, (20.0, 20.0)),
     "circles": PlanarBoard("circles", 4, 11, (15.0, 15.0), staggered=True),
-    "folded": folded(),
+    "folded": folded_body(),
 }
 
 

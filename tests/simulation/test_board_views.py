@@ -10,7 +10,7 @@ import pytest
 from scipy import stats
 
 from sheetoflight.geometry.directions import Array
-from sheetoflight.model.board import PlanarBoard, SolidTarget
+from sheetoflight.model.board import PlanarBoard
 from sheetoflight.model.light_plane import LightPlane
 from sheetoflight.simulation.board_faults import (
     bent_boards,
@@ -25,6 +25,7 @@ from sheetoflight.simulation.board_views import (
     photographed_boards,
     placed_boards,
 )
+from sheetoflight.simulation.bodies import folded_body
 from sheetoflight.simulation.rig import SimulatedRig
 
 BROWN = (-0.12, 0.05, 0.0008, -0.0006, 0.01)
@@ -69,14 +70,6 @@ def on_board(rig, pose, uv, plane=(0.0, 0.0, 1.0, 0.0)):
     reach = (plane[3] + normal @ shift) / (directions @ normal)
     points = reach[:, None] * directions
     return (points - shift) @ rotation, points
-
-
-def folded() -> SolidTarget:
-    """Two boards of 100 × 100 mm that open towards the viewer at 130°."""
-    x, y = (a.ravel() for a in np.meshgrid(np.linspace(0.0, 100.0, 5), np.linspace(0, 100.0, 5)))
-    right = np.column_stack([x * np.sin(np.radians(65)), y, -x * np.cos(np.radians(65))])
-    points = np.concatenate([right, right * (-1.0, 1.0, 1.0)])
-    return SolidTarget(points, (range(25), range(25, 50)))
 
 
 def test_corners_are_where_opencv_projects_them(rig, poses: Poses, rng):
@@ -143,7 +136,7 @@ def test_the_line_is_noisy_across_itself_only(rig, poses: Poses, rng):
 
 
 def test_lines_of_a_body_lie_on_the_face_they_name(rig, rng):
-    body = folded()
+    body = folded_body()
     poses: Poses = board_poses(rig, body, 8, rng)
     views = observed_boards(rig, body, *poses, rng, line_points=300)
     assert views.uv.shape == (8, 50, 2)
@@ -200,7 +193,7 @@ def test_a_sheet_that_misses_a_face_draws_nothing_on_it():
 
 def test_outline_of_a_body_is_its_hull():
     """Named in any order and with points inside, a face has its four corners, in order."""
-    body = folded()
+    body = folded_body()
     first, _ = face_outlines(body)
     assert len(first) == 4
     sides = np.linalg.norm(np.roll(first, -1, axis=0) - first, axis=1)
@@ -260,7 +253,9 @@ def test_shifted_lines_stay_on_the_board(rig, poses: Poses, rng):
     np.testing.assert_array_equal(moved.points, placed.points)
 
 
-@pytest.mark.parametrize("board", [BOARD, replace(BOARD, kind="circles", circle_mm=9.0), folded()])
+@pytest.mark.parametrize(
+    "board", [BOARD, replace(BOARD, kind="circles", circle_mm=9.0), folded_body()]
+)
 def test_a_scaled_board_is_larger_all_over(board):
     larger = scaled_board(board, 1.01)
     np.testing.assert_allclose(larger.points, 1.01 * board.points)

@@ -15,7 +15,6 @@ from functools import lru_cache
 import numpy as np
 
 from sheetoflight.calibration.board_evidence import BoardEvidence
-from sheetoflight.calibration.components import COMPONENTS
 from sheetoflight.calibration.placements import Placement, placed, placement_names
 from sheetoflight.calibration.rig_state import CAMERA, LOCAL_SIZE, RigState
 from sheetoflight.estimation.block_least_squares import Block
@@ -42,8 +41,6 @@ class Adjustment:
         For stages with correlated noise: ``W`` with ``WᵀW = Σ⁻¹``, in place of ``1/std``.
     boards : BoardEvidence, optional
         The views of stage board.
-    variances : (6,) array, optional
-        Of the noise components, for the boards.
     """
 
     def __init__(
@@ -54,7 +51,6 @@ class Adjustment:
         free: tuple[str, ...],
         whiteners: Mapping[str, Array] | None = None,
         boards: BoardEvidence | None = None,
-        variances: Array | None = None,
     ) -> None:
         self.positions = positions
         self.stages = dict(stages)
@@ -62,7 +58,6 @@ class Adjustment:
         self.parameters = free
         self.whiteners = dict(whiteners or {})
         self.boards = boards
-        self._variances = np.ones(len(COMPONENTS)) if variances is None else variances
         self._intrinsics = [i for i, name in enumerate(CAMERA) if name in free]
         seen = {stage: views.seen for stage, views in self.stages.items()}
         self._weights = {
@@ -101,7 +96,7 @@ class Adjustment:
         """Whitened residuals (predicted minus observed) and their derivatives, by stage."""
         blocks = [self._whitened(stage, self.block(state, stage)) for stage in self.stages]
         if self.boards is not None:
-            blocks.append(self.boards.block(state, self.parameters, self._variances))
+            blocks.append(self.boards.block(state, self.parameters))
         return blocks
 
     def moved(self, state: RigState, shared: Array, local: Sequence[Array]) -> RigState:

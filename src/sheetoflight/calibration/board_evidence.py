@@ -12,7 +12,7 @@ from functools import cached_property
 
 import numpy as np
 
-from sheetoflight.calibration.components import CORNER, LINE, STRIPE
+from sheetoflight.calibration.components import CORNER, LINE, SHAPE, STRIPE
 from sheetoflight.calibration.lines_on_boards import (
     RAY,
     LineRows,
@@ -43,19 +43,30 @@ class BoardEvidence:
     ----------
     board : Board
     views : BoardViews
+    variances : (7,) array
+        Of the `COMPONENTS`.
     lines : ReducedLines or None
         None where there is no sheet to adjust.
+    whitener : (L, 17, 17) array, optional
+        W with ``WᵀW = V⁻¹``, V being the covariance of the lines' rows.
     """
 
     board: Board
     views: BoardViews
-    lines: ReducedLines | None
+    variances: Array
+    lines: ReducedLines | None = None
+    whitener: Array | None = None
 
     @classmethod
-    def at(cls, board: Board, views: BoardViews, state: RigState) -> BoardEvidence:
-        """The views with their lines reduced at a state's camera."""
-        there = len(views.line) > 0 and len(state.distances) > 0
-        return cls(board, views, reduced_lines(views.line, state.camera) if there else None)
+    def at(
+        cls, board: Board, views: BoardViews, variances: Array, state: RigState
+    ) -> BoardEvidence:
+        """The views with their lines reduced and weighed at a state."""
+        if not len(views.line) or not len(state.distances):
+            return cls(board, views, variances)
+        lines = reduced_lines(views.line, state.camera)
+        whitener = _whitener(lines, line_rows(lines, board, state), variances)
+        return cls(board, views, variances, lines, whitener)
 
     @cached_property
     def proportions(self) -> Array:
@@ -93,31 +104,22 @@ class BoardEvidence:
         pose = state.poses["board"]
         return self.board.points @ np.swapaxes(pose[:, :, :3], 1, 2) + pose[:, None, :, 3]
 
-    def block(self, state: RigState, parameters: Sequence[str], variances: Array) -> Block:
-        """Whitened residuals, predicted minus observed, and their derivatives.
-
-        Parameters
-        ----------
-        state : RigState
-        parameters : sequence of str
-            The shared parameters to estimate.
-        variances : (6,) array
-            Of the `COMPONENTS`.
-        """
-        weights = self._weights / np.sqrt(variances[CORNER])
+    def block(self, state: RigState, parameters: Sequence[str]) -> Block:
+        """Whitened residuals, predicted minus observed, and their derivatives by the pose and by
+        those shared parameters that are to be estimated."""
+        weights = self._weights / np.sqrt(self.variances[CORNER])
         corners = _weighted(self.corner_block(state, parameters), weights)
-        if self.lines is None:
+        if self.lines is None or self.whitener is None:
             return corners
         rows = line_rows(self.lines, self.board, state)
         lines = self._line_block(
             state, parameters, rows, self._pulls(parameters, rows), rows.misses
         )
-        whitener = self._whitener(rows, variances)
         lines = Block(
-            (whitener @ lines.residuals[..., None])[..., 0],
-            whitener @ lines.by_shared,
+            (self.whitener @ lines.residuals[..., None])[..., 0],
+            self.whitener @ lines.by_shared,
             lines.columns,
-            whitener @ lines.by_local,
+            self.whitener @ lines.by_local,
         )
         return self._stacked(corners, lines)
 
@@ -127,10 +129,10 @@ class BoardEvidence:
         return np.repeat(np.where(self.views.seen, 1.0 / self.proportions, 0.0), 2, axis=1)
 
     def corner_block(
-        self, state: RigState, parameters: Sequence[str], with_size: bool = False
+        self, state: RigState, parameters: Sequence[str], size_column: int | None = None
     ) -> Block:
         """Residuals of the board's points in px, not weighted, 0 where not seen; with the board's
-        relative size as a further column, behind all parameters, where wanted."""
+        relative size as a further column where wanted."""
         pose = state.poses["board"]
         turned = self.board.points @ np.swapaxes(pose[:, :, :3], 1, 2)
         intrinsics = [i for i, name in enumerate(CAMERA) if name in parameters]
@@ -142,9 +144,9 @@ class BoardEvidence:
         by_local = np.concatenate([-by_point @ cross_matrix(turned), by_point], axis=-1)
         columns = [parameters.index(CAMERA[i]) for i in intrinsics]
         shared = [by_camera]
-        if with_size:
+        if size_column is not None:
             shared.append(by_point @ turned[..., None])
-            columns.append(len(parameters))
+            columns.append(size_column)
         block = Block(
             (uv - self.views.uv).reshape(rows),
             np.concatenate(shared, axis=-1).reshape(*rows, -1),
@@ -154,7 +156,7 @@ class BoardEvidence:
         return block if self.views.seen.all() else _silenced(block, self.views.seen)
 
     def _pulls(self, parameters: Sequence[str], rows: LineRows) -> Array:
-        """``(L, 13, 2 + f)``: how the reduced rows move with a line's two free parts, and with
+        """``(L, 17, 2 + f)``: how the reduced rows move with a line's two free parts, and with
         the f free parameters of the camera."""
         assert self.lines is not None
         roots = self.lines.roots
@@ -189,8 +191,8 @@ class BoardEvidence:
         self,
         state: RigState,
         parameters: Sequence[str],
-        with_line: bool = False,
-        with_size: bool = False,
+        offsets: Sequence[int] = (),
+        size_column: int | None = None,
     ) -> Contrasts:
         """The residuals with the poses eliminated, the many compressed to what they say.
 
@@ -198,36 +200,35 @@ class BoardEvidence:
         ----------
         state : RigState
         parameters : sequence of str
-        with_line : bool
-            Whether whole lines off the sheet are a component of the noise.
-        with_size : bool
-            Whether to add the board's relative size as a column behind all parameters.
+        offsets : sequence of int
+            Which of the components LINE and SHAPE disturb the lines.
+        size_column : int, optional
+            Which column the relative size of the boards is to be, where it is wanted.
         """
-        corners, rest = self._compressed_corners(state, parameters, with_size)
+        corners, rest = self._compressed_corners(state, parameters, size_column)
         told = ((CORNER, *rest),)
         count, own = corners.residuals.shape
         if self.lines is None:
             parts = [(CORNER, np.broadcast_to(np.eye(own), (count, own, own)))]
             return contrasts(corners, parts, np.ones((count, own), dtype=bool), told)
-        lines, patterns, line_rest = self._compressed_lines(state, parameters, with_size)
+        lines, patterns, line_rest = self._compressed_lines(state, parameters, size_column)
         whole = self._stacked(corners, lines)
         size = whole.residuals.shape[1]
         corner = np.broadcast_to(np.diag(np.arange(size) < own).astype(float), (count, size, size))
-        stripe, spread = np.zeros((2, count, size, size))
-        every = np.broadcast_to(
-            np.eye(lines.residuals.shape[1]), (len(self.lines), *patterns.shape[1:2] * 2)
-        )
-        stripe[:, own:, own:] = self._own_slots(every)
-        spread[:, own:, own:] = self._own_slots(patterns @ np.swapaxes(patterns, 1, 2))
-        parts = [(CORNER, corner), (STRIPE, stripe), *([(LINE, spread)] if with_line else [])]
-        there = np.einsum("nii->ni", corner + stripe) > 0
+        units = np.tile(np.eye(lines.residuals.shape[1]), (len(self.lines), 1, 1))
+        parts = [(CORNER, corner)]
+        for component, pattern in ((STRIPE, units), *((k, patterns[k]) for k in offsets)):
+            spread = np.zeros((count, size, size))
+            spread[:, own:, own:] = self._own_slots(pattern @ np.swapaxes(pattern, 1, 2))
+            parts.append((component, spread))
+        there = np.einsum("nii->ni", corner + parts[1][1]) > 0
         return contrasts(whole, parts, there, (*told, (STRIPE, *line_rest)))
 
     def _compressed_corners(
-        self, state: RigState, parameters: Sequence[str], with_size: bool
+        self, state: RigState, parameters: Sequence[str], size_column: int | None
     ) -> tuple[Block, tuple[float, int]]:
         """The points' residuals in units of their proportions, compressed; and what is left."""
-        part = self.corner_block(state, parameters, with_size)
+        part = self.corner_block(state, parameters, size_column)
         part = _weighted(part, self._weights)
         width = part.by_shared.shape[2]
         design = np.concatenate([part.by_shared, part.by_local], axis=2)
@@ -237,20 +238,27 @@ class BoardEvidence:
         return block, (float(rest.sum()), left)
 
     def _compressed_lines(
-        self, state: RigState, parameters: Sequence[str], with_size: bool
-    ) -> tuple[Block, Array, tuple[float, int]]:
-        """The lines' residuals compressed, one group a line, what their ends off the sheet do to
-        them ``(L, q, 2)``, and what is left."""
+        self, state: RigState, parameters: Sequence[str], size_column: int | None
+    ) -> tuple[Block, dict[int, Array], tuple[float, int]]:
+        """The lines' residuals compressed, one group a line, what their ends off the sheet
+        ``(L, q, 2)`` and their windings ``(L, q, 4)`` do to them, and what is left."""
         assert self.lines is not None
         rows = line_rows(self.lines, self.board, state)
-        pulls, misses, rest = compressed(self._pulls(parameters, rows), rows.misses)
+        pulls = self._pulls(parameters, rows)
+        design, misses, rest = compressed(
+            np.concatenate([pulls, self.lines.shapes], axis=2), rows.misses
+        )
+        pulls, shapes = np.split(design, [pulls.shape[2]], axis=2)
         block = self._line_block(state, parameters, rows, pulls, misses)
-        if with_size:
+        if size_column is not None:
             grown = pulls[:, :, :_PARTS] @ rows.by_size
-            columns = np.append(block.columns, len(parameters))
+            columns = np.append(block.columns, size_column)
             by_shared = np.concatenate([block.by_shared, grown], axis=2)
             block = Block(block.residuals, by_shared, columns, block.by_local)
-        patterns = pulls[:, :, :_PARTS] @ off_sheet_patterns(self.lines, rows)
+        patterns = {
+            LINE: pulls[:, :, :_PARTS] @ off_sheet_patterns(self.lines, rows),
+            SHAPE: shapes,
+        }
         left = int(self.lines.counts.sum()) - misses.size
         return block, patterns, (float(rest.sum()), left)
 
@@ -279,19 +287,6 @@ class BoardEvidence:
         spread[self.lines.view, self.lines.slot, :, self.lines.slot] = values
         return spread.reshape(len(self.views), slots * size, slots * size)
 
-    def _whitener(self, rows: LineRows, variances: Array) -> Array:
-        """``(L, 13, 13)``: W with ``WᵀW = (θ_stripe I + θ_line T Tᵀ)⁻¹``, T being what a line's
-        ends off the sheet do to its rows."""
-        assert self.lines is not None
-        roots = self.lines.roots
-        size = roots.shape[-1]
-        if not variances[LINE]:
-            return np.broadcast_to(np.eye(size) / np.sqrt(variances[STRIPE]), roots.shape)
-        moved = roots[:, :, :RAY] @ rows.turns @ off_sheet_patterns(self.lines, rows)
-        covariance = variances[LINE] * moved @ np.swapaxes(moved, 1, 2)
-        covariance += variances[STRIPE] * np.eye(size)
-        return np.linalg.inv(np.linalg.cholesky(covariance))
-
     def _by_view(self, values: Array) -> Array:
         """Rows of lines ``(L, q, k)`` put into the slots of their views ``(N, G, q, k)``."""
         assert self.lines is not None
@@ -318,3 +313,16 @@ def _silenced(block: Block, seen: np.ndarray) -> Block:
         block.columns,
         np.where(hidden[..., None], 0.0, block.by_local),
     )
+
+
+def _whitener(lines: ReducedLines, rows: LineRows, variances: Array) -> Array:
+    """``(L, 17, 17)``: W with ``WᵀW = (θ_stripe I + θ_line T Tᵀ + θ_shape S Sᵀ)⁻¹``, T being what
+    a line's ends off the sheet do to its rows, and S what its windings do."""
+    size = lines.roots.shape[-1]
+    covariance = np.broadcast_to(variances[STRIPE] * np.eye(size), lines.roots.shape)
+    if not variances[[LINE, SHAPE]].any():
+        return np.broadcast_to(np.eye(size) / np.sqrt(variances[STRIPE]), lines.roots.shape)
+    moved = lines.roots[:, :, :RAY] @ rows.turns @ off_sheet_patterns(lines, rows)
+    covariance = covariance + variances[LINE] * moved @ np.swapaxes(moved, 1, 2)
+    covariance += variances[SHAPE] * lines.shapes @ np.swapaxes(lines.shapes, 1, 2)
+    return np.linalg.inv(np.linalg.cholesky(covariance))

@@ -2,5 +2,5 @@
 
 from __future__ import annotations
 
-COMPONENTS = ("pixel", "placement", "marker", "corner", "stripe", "line")
-PIXEL, PLACEMENT, MARKER, CORNER, STRIPE, LINE = range(len(COMPONENTS))
+COMPONENTS = ("pixel", "placement", "marker", "corner", "stripe", "line", "shape")
+PIXEL, PLACEMENT, MARKER, CORNER, STRIPE, LINE, SHAPE = range(len(COMPONENTS))

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 from sheetoflight.calibration.noise import NoiseModel
-from sheetoflight.calibration.rig_state import ANCHOR, intrinsic_names, sheet_names
+from sheetoflight.calibration.rig_state import ANCHOR, RigState, intrinsic_names, sheet_names
 from sheetoflight.model.camera import Camera
 from sheetoflight.model.observations import TargetViews
 from sheetoflight.model.rig import Rig
@@ -26,6 +26,8 @@ class EstimationTask:
         Shared parameters beside the camera's.
     blamed : str
         The stage to name where nothing fits.
+    start : RigState, optional
+        Camera and poses of the boards, where there are boards.
     """
 
     rig: Rig
@@ -33,13 +35,18 @@ class EstimationTask:
     stages: Mapping[str, TargetViews]
     others: tuple[str, ...]
     blamed: str = "joint"
+    start: RigState | None = None
 
     @classmethod
-    def of_everything(cls, rig: Rig, noise: NoiseModel) -> EstimationTask:
+    def of_everything(
+        cls, rig: Rig, noise: NoiseModel, start: RigState | None = None
+    ) -> EstimationTask:
         """Camera, fixed point and sheets from all views together."""
         stages = rig.observations.stages()
         anchor = ANCHOR if "camera" in stages else ()
-        return cls(rig, noise, stages, (*anchor, *sheet_names(len(rig.lasers))))
+        blamed = "joint" if stages else "board"
+        others = (*anchor, *sheet_names(len(rig.lasers)))
+        return cls(rig, noise, stages, others, blamed, start)
 
     @property
     def without_distortion(self) -> tuple[str, ...]:

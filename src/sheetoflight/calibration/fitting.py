@@ -17,6 +17,7 @@ from sheetoflight.calibration.components import (
     MARKER,
     PIXEL,
     PLACEMENT,
+    SHAPE,
     STRIPE,
 )
 from sheetoflight.calibration.noise import NoiseModel
@@ -40,7 +41,7 @@ from sheetoflight.geometry.directions import Array
 from sheetoflight.model.observations import TargetViews
 from sheetoflight.model.rig import Rig
 
-_OFFSETS = (PLACEMENT, MARKER, LINE)
+_OFFSETS = (PLACEMENT, MARKER, LINE, SHAPE)
 """Components that are estimated only where the residuals ask for them: all else is always there."""
 
 _NOTHING = np.zeros((len(COMPONENTS), len(COMPONENTS)))
@@ -70,7 +71,7 @@ class Fit:
     solution : Solution
     noise : NoiseModel
         With the estimated variances in place.
-    size_covariance : (6, 6) array
+    size_covariance : (7, 7) array
         Of the estimated variances; zero where they were stated.
     """
 
@@ -118,13 +119,14 @@ class Fit:
         return scaled_inverse(self.information)[0]
 
     def model(self, moves: Mapping[str, list[Array]] | None = None) -> ReducedModel:
-        """Information on the shared parameters, and on further moves of the points behind them."""
-        moves = moves or {}
-        extra = max((len(m) for m in moves.values()), default=0)
-        groups = (
-            self.noise.contrasts(self.adjustment, self.state, moves) if moves else self.contrasts
-        )
-        return reduced_model(groups, self.adjustment.shared_size + extra, self.noise.variances)
+        """Information on the shared parameters; with a move for each of the target's markers by
+        stage, also on these, and on the relative size of the boards behind them."""
+        size = self.adjustment.shared_size
+        if moves is None:
+            return reduced_model(self.contrasts, size, self.noise.variances)
+        last = size + len(self.adjustment.positions)
+        groups = self.noise.contrasts(self.adjustment, self.state, moves, last)
+        return reduced_model(groups, last + 1, self.noise.variances)
 
 
 def fitted(
@@ -180,6 +182,7 @@ def _acting(adjustment: Adjustment) -> np.ndarray:
         CORNER: boards is not None,
         STRIPE: boards is not None and boards.lines is not None,
         LINE: boards is not None and boards.lines is not None,
+        SHAPE: boards is not None and boards.lines is not None,
     }
     return np.array([there[k] for k in range(len(COMPONENTS))])
 
@@ -232,8 +235,9 @@ def _with_components(fit: Fit, free: np.ndarray, stage: str) -> Fit:
 def _first_sizes(fit: Fit, free: np.ndarray) -> Array:
     """Variances without offsets, roughly: what scales all residuals where that is the pixel noise
     alone, else estimated."""
-    variances = fit.noise.variances.copy()
-    always = free & ~np.isin(np.arange(len(free)), _OFFSETS)
+    offsets = np.isin(np.arange(len(free)), _OFFSETS)
+    variances = np.where(free & offsets, 0.0, fit.noise.variances)
+    always = free & ~offsets
     if fit.adjustment.boards is None:
         if free[PIXEL]:
             variances[PIXEL] *= max(fit.chi2 / fit.degrees_of_freedom, 1e-12)
@@ -302,10 +306,11 @@ def _first_offsets(fit: Fit, variances: Array, free: np.ndarray) -> Array:
             if component != PIXEL and free[component]:
                 per_mm = float(np.trace(part, axis1=1, axis2=2).mean()) / part.shape[-1]
                 start[component] = variances[PIXEL] / max(per_mm, 1e-12)
-    if free[LINE]:
-        parts = dict(fit.contrasts[-1].variances)
-        stripe, line = (float(np.einsum("nii->", parts[k])) for k in (STRIPE, LINE))
-        start[LINE] = variances[STRIPE] * stripe / max(line, 1e-300)
+    for component in (LINE, SHAPE):
+        if free[component]:
+            parts = dict(fit.contrasts[-1].variances)
+            stripe, own = (float(np.einsum("nii->", parts[k])) for k in (STRIPE, component))
+            start[component] = variances[STRIPE] * stripe / max(own, 1e-300)
     return start
 
 

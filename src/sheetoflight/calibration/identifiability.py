@@ -198,6 +198,11 @@ def _points_on(fit: Fit, laser: int) -> Array:
         if stage == "crossing":
             spot = len(fit.adjustment.positions) + laser
             found.append(points[views.seen[:, spot], spot])
+    boards = fit.adjustment.boards
+    if boards is not None and boards.lines is not None:
+        rays = boards.lines.ends[boards.lines.laser == laser].reshape(-1, 3)
+        normal, distance = fit.state.frames[laser][:, 2], float(fit.state.distances[laser])
+        found.append(rays * (distance / (rays @ normal))[:, None])
     return np.concatenate(found)
 
 

@@ -7,14 +7,16 @@ from sheetoflight.calibration.fitting import Fit
 from sheetoflight.calibration.identifiability import determined, require_open_sheets
 from sheetoflight.calibration.noise import NoiseModel
 from sheetoflight.calibration.outcome import Outcome
-from sheetoflight.calibration.rig_state import intrinsic_names, sheet_names
+from sheetoflight.calibration.rig_state import RigState, intrinsic_names, sheet_names
 from sheetoflight.calibration.search import best_fit
 from sheetoflight.calibration.starts import with_sheets
 from sheetoflight.calibration.uncertainty import influence
 from sheetoflight.model.rig import Rig
 
 
-def joint(rig: Rig, noise: NoiseModel, fit: Fit | None = None) -> Outcome:
+def joint(
+    rig: Rig, noise: NoiseModel, fit: Fit | None = None, start: RigState | None = None
+) -> Outcome:
     """Camera, sheets and poses from any stages that suffice together.
 
     Parameters
@@ -23,14 +25,16 @@ def joint(rig: Rig, noise: NoiseModel, fit: Fit | None = None) -> Outcome:
     noise : NoiseModel
     fit : Fit, optional
         The fit of everything, where it is there already.
+    start : RigState, optional
+        Camera and poses of the boards, where there are boards.
 
     Raises
     ------
     UntrustworthyError
         If they do not determine what is to be estimated.
     """
-    fit = fit or best_fit(EstimationTask.of_everything(rig, noise), with_sheets)
-    fit, weak = determined(fit, "joint")
+    fit = fit or best_fit(EstimationTask.of_everything(rig, noise, start), with_sheets)
+    fit, weak = determined(fit, "joint" if rig.observations.stages() else "board")
     require_open_sheets(fit)
     names = (*intrinsic_names(rig.free_intrinsics), *sheet_names(len(rig.lasers)))
     return Outcome(fit.state, influence(fit, names, "joint"), (fit,), fit, weak)

@@ -10,7 +10,8 @@ Thousands of points say no more than a few numbers. With the ray's derivatives b
 parameters at a camera c₀, the misses of all points of a line, in their standard uncertainties,
 are ``Z (ℓ̂, c − c₀)`` with rows ``(x, y, 1, ℓ̂ · ∂r/∂c) / (g σ)``. Only ``ZᵀZ = RᵀR`` enters a
 least-squares adjustment, so that the 13 rows of R stand for the whole line, exactly at c₀ and to
-second order beside it.
+second order beside it. Real lines wind a little, which no adjustment should blame on the lens: four
+further columns hold Legendre's polynomials along the line, the shapes that this noise takes.
 """
 
 from __future__ import annotations
@@ -19,6 +20,7 @@ from dataclasses import dataclass
 from weakref import WeakKeyDictionary
 
 import numpy as np
+from scipy.special import eval_legendre
 
 from sheetoflight.calibration.rig_state import RigState
 from sheetoflight.geometry.directions import Array
@@ -27,7 +29,12 @@ from sheetoflight.model.board_views import LinePixels
 from sheetoflight.model.camera import Camera
 
 RAY = 3
-"""Columns of the ray, before those of the camera's ten parameters."""
+"""Columns of the ray, before those of the camera's ten parameters and of the shapes."""
+
+SHAPES = (2, 3, 4, 5)
+"""Degrees of Legendre's polynomials: offset and tilt, 0 and 1, are what a sheet does."""
+
+_FIRST_SHAPE = RAY + len(Camera.PARAMETERS)
 
 _NEGLIGIBLE = 1e-3
 """Largest second-order change of a line, in px, for which a neighbouring camera's rows will do."""
@@ -35,7 +42,7 @@ _NEGLIGIBLE = 1e-3
 
 @dataclass(frozen=True, eq=False)
 class ReducedLines:
-    """The lines of all views, each reduced to 13 rows.
+    """The lines of all views, each reduced to 17 rows.
 
     Parameters
     ----------
@@ -45,7 +52,7 @@ class ReducedLines:
         Whose they are; the slot numbers the lines of one view.
     counts : (L,) array
         Points of each line.
-    roots : (L, 13, 13) array
+    roots : (L, 17, 17) array
         R, in units of the points' `LinePixels.proportions`.
     lines : (L, 3) array
         The fitted line ℓ̂ that the derivatives were taken across.
@@ -66,6 +73,11 @@ class ReducedLines:
     def __len__(self) -> int:
         return len(self.view)
 
+    @property
+    def shapes(self) -> Array:
+        """``(L, 17, 4)``: what a winding of 1 px rms does to the rows, by degree."""
+        return self.roots[:, :, _FIRST_SHAPE:]
+
     def holds_for(self, camera: Camera) -> bool:
         """Whether the rows are good for another camera."""
         if camera.parameters is self.camera.parameters or camera == self.camera:
@@ -83,7 +95,7 @@ class LineRows:
     ----------
     bent : (L, 3) array
         The predicted lines ℓ̂, turned to the side of the reduced ones.
-    misses : (L, 13) array
+    misses : (L, 17) array
         R times the line and the camera's change: in standard uncertainties.
     by_sheet : (L, 2, 3) array
         How the line's two free parts – its turn and its offset – move with the laser's sheet.
@@ -117,8 +129,8 @@ def reduced_lines(line: LinePixels, camera: Camera) -> ReducedLines:
 
 
 def _reduced(line: LinePixels, camera: Camera) -> ReducedLines:
-    rays, by_pixel, by_parameter = camera.unproject_with_jacobians(line.uv)
-    good = np.isfinite(rays).all(axis=-1)
+    rays = camera.unproject(line.uv)
+    good = np.asarray(np.isfinite(rays).all(axis=-1))
     key = (line.view * (line.laser.max(initial=0) + 1) + line.laser) * (
         line.face.max(initial=0) + 1
     ) + line.face
@@ -126,11 +138,11 @@ def _reduced(line: LinePixels, camera: Camera) -> ReducedLines:
     weights = np.where(good, 1.0 / line.proportions, 0.0)
     rays = np.where(good[:, None], rays, 0.0)
     fitted = _fitted_lines(rays, weights, place, len(first))
-    across = fitted[place, None, :2]
-    steep = np.linalg.norm((across @ by_pixel)[:, 0], axis=-1)
-    weights = np.where(good, weights / np.where(good, steep, 1.0), 0.0)
-    rows = np.concatenate([rays, (across @ by_parameter)[:, 0]], axis=1)
-    rows = np.where(good[:, None], rows * weights[:, None], 0.0)
+    steep, by_camera = _across(camera, rays, fitted[place])
+    ends, way = _extents(rays, good, fitted, place)
+    shapes = np.stack([np.sqrt(2 * n + 1) * eval_legendre(n, way) for n in SHAPES], axis=1)
+    parts = [rays, by_camera, shapes * steep[:, None]]
+    rows = np.concatenate(parts, axis=1) * (weights / steep)[:, None]
     view = line.view[first]
     return ReducedLines(
         camera=camera,
@@ -138,10 +150,10 @@ def _reduced(line: LinePixels, camera: Camera) -> ReducedLines:
         laser=line.laser[first],
         face=line.face[first],
         slot=np.arange(len(view)) - np.searchsorted(view, view),
-        counts=np.bincount(place, weights=good, minlength=len(first)),
+        counts=np.bincount(place, good.astype(float), len(first)),
         roots=_triangles(rows, place, len(first)),
         lines=fitted,
-        ends=_ends(rays, good, fitted, place),
+        ends=ends,
     )
 
 
@@ -160,6 +172,21 @@ def _fitted_lines(rays: Array, weights: Array, place: np.ndarray, count: int) ->
     return np.column_stack([normal, -(normal[:, 0] * x + normal[:, 1] * y)])
 
 
+def _across(camera: Camera, rays: Array, lines: Array) -> tuple[Array, Array]:
+    """How fast ``ℓ̂ · r`` changes across the line, per px ``(P,)``, and with the camera's
+    parameters for a given pixel ``(P, 10)``.
+
+    Both at the foot of each point on its line: a point's noise is a number of pixels, which no
+    change of the camera makes smaller.
+    """
+    off = np.sum(rays * lines, axis=1)
+    foot = rays.copy()
+    foot[:, :2] -= off[:, None] * lines[:, :2]
+    _, by_point, by_parameter = camera.project_with_jacobians(foot)
+    slope = np.linalg.solve(np.swapaxes(by_point[..., :2], 1, 2), lines[:, :2, None])[..., 0]
+    return np.linalg.norm(slope, axis=1), -np.einsum("pi,pik->pk", slope, by_parameter)
+
+
 def _triangles(rows: Array, place: np.ndarray, count: int) -> Array:
     """R ``(count, q, q)`` of the rows of each group."""
     sizes = np.bincount(place, minlength=count)
@@ -168,11 +195,12 @@ def _triangles(rows: Array, place: np.ndarray, count: int) -> Array:
     starts = np.cumsum(sizes) - sizes
     padded = np.zeros((count, most, rows.shape[1]))
     padded[place[order], np.arange(len(place)) - starts[place[order]]] = rows[order]
-    return np.linalg.qr(padded, mode="r")
+    return np.asarray(np.linalg.qr(padded, mode="r"))
 
 
-def _ends(rays: Array, good: np.ndarray, lines: Array, place: np.ndarray) -> Array:
-    """Rays ``(L, 2, 3)`` of the first and the last point along each line, moved onto it."""
+def _extents(rays: Array, good: np.ndarray, lines: Array, place: np.ndarray) -> tuple[Array, Array]:
+    """Rays ``(L, 2, 3)`` of the first and the last point along each line, moved onto it, and
+    where between them, from −1 to 1, each point ``(P,)`` is."""
     along = np.stack([-lines[:, 1], lines[:, 0]], axis=1)
     way = np.sum(rays[:, :2] * along[place], axis=1)
     least, most = np.full(len(lines), np.inf), np.full(len(lines), -np.inf)
@@ -180,7 +208,9 @@ def _ends(rays: Array, good: np.ndarray, lines: Array, place: np.ndarray) -> Arr
     np.maximum.at(most, place[good], way[good])
     foot = -lines[:, 2:] * lines[:, :2]
     ends = foot[:, None] + np.stack([least, most], axis=1)[..., None] * along[:, None]
-    return np.concatenate([ends, np.ones((len(lines), 2, 1))], axis=2)
+    half = np.maximum(0.5 * (most - least), 1e-300)[place]
+    share = np.where(good, (way - 0.5 * (most + least)[place]) / half, 0.0)
+    return np.concatenate([ends, np.ones((len(lines), 2, 1))], axis=2), share
 
 
 def line_rows(reduced: ReducedLines, board: Board, state: RigState) -> LineRows:
@@ -204,12 +234,10 @@ def line_rows(reduced: ReducedLines, board: Board, state: RigState) -> LineRows:
     scale = side / np.maximum(size, 1e-300)
     bent = line * scale[:, None]
 
-    # its two free parts: a turn, and an offset
-    turns = np.zeros((len(bent), 3, 2))
-    turns[:, 0, 0], turns[:, 1, 0] = -bent[:, 1], bent[:, 0]
-    turns[:, 2, 1] = 1.0
     shift = state.camera.parameters - reduced.camera.parameters
-    change = np.concatenate([bent, np.broadcast_to(shift, (len(bent), len(shift)))], axis=1)
+    still = np.zeros(len(SHAPES))
+    moved = np.broadcast_to(np.concatenate([shift, still]), (len(bent), len(shift) + len(still)))
+    change = np.concatenate([bent, moved], axis=1)
     changes = (
         _by_sheet(state, reduced, face, offset),
         _by_pose(poses[:, :, 3], face, normal, distance),
@@ -217,7 +245,15 @@ def line_rows(reduced: ReducedLines, board: Board, state: RigState) -> LineRows:
     )
     by_sheet, by_pose, by_size = (_parts(c * scale[:, None, None], bent) for c in changes)
     misses = (reduced.roots @ change[..., None])[..., 0]
-    return LineRows(bent, misses, by_sheet, by_pose, by_size, turns)
+    return LineRows(bent, misses, by_sheet, by_pose, by_size, free_parts(bent))
+
+
+def free_parts(line: Array) -> Array:
+    """The two ways ``(L, 3, 2)`` in which lines ℓ̂ ``(L, 3)`` can change: a turn, and an offset."""
+    turns = np.zeros((len(line), 3, 2))
+    turns[:, 0, 0], turns[:, 1, 0] = -line[:, 1], line[:, 0]
+    turns[:, 2, 1] = 1.0
+    return turns
 
 
 def _parts(change: Array, line: Array) -> Array:

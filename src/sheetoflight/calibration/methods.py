@@ -7,7 +7,8 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from sheetoflight.calibration.components import PIXEL
+from sheetoflight.calibration.board_screening import screened_boards
+from sheetoflight.calibration.components import CORNER, PIXEL
 from sheetoflight.calibration.fitting import Fit
 from sheetoflight.calibration.joint_method import joint
 from sheetoflight.calibration.noise import NoiseModel, chi2_limit, noise_model
@@ -30,16 +31,16 @@ class CalibrationOptions:
     paper: PaperOptions = field(default_factory=PaperOptions)
 
 
-Method = Callable[[Rig, NoiseModel, CalibrationOptions, Fit | None], Outcome]
-"""From a rig, its noise, options, and the joint fit that screened it, where there is one."""
+Method = Callable[[Screened, NoiseModel, CalibrationOptions], Outcome]
+"""From a screened rig, with the joint fit of it where there is one, its noise, and options."""
 
 CAMERA_FREE = "camera-free"
 """The method that knows no camera, and so gives another kind of result."""
 
 METHODS: Mapping[str, Method] = {
-    "joint": lambda rig, noise, _, fit: joint(rig, noise, fit),
-    "two-step": lambda rig, noise, _, fit: two_step(rig, noise, fit),
-    "paper": lambda rig, noise, options, _: paper(rig, noise, options.paper),
+    "joint": lambda found, noise, _: joint(found.rig, noise, found.fit, found.start),
+    "two-step": lambda found, noise, _: two_step(found.rig, noise, found.fit, found.start),
+    "paper": lambda found, noise, options: paper(found.rig, noise, options.paper),
 }
 
 
@@ -75,17 +76,18 @@ def calibrate(
         )
     refuse_unusable_views(rig)
     options = options or CalibrationOptions()
-    found = screened(rig)
-    rig, noise = found.rig, noise_model(found.rig)
-    outcome = METHODS[method](rig, noise, options, found.fit)
+    found = _screened(rig)
+    rig, noise = found.rig, noise_model(found.rig, found.start)
+    outcome = METHODS[method](found, noise, options)
     outcome = replace(outcome, warnings=(*outcome.warnings, *_warnings(found)))
     told = outcome.noise
     chi2, freedom = told.chi2, told.degrees_of_freedom
-    if noise.free[PIXEL] or freedom < 1 or chi2 <= chi2_limit(freedom):
+    if rig.pixel_std is None or freedom < 1 or chi2 <= chi2_limit(freedom):
         return calibration_of(method, rig, outcome, _chi2_per_dof(told), found.findings)
     # the stated noise cannot be right: take what the residuals say
-    estimated = replace(noise, free=noise.free | (np.arange(len(noise.free)) == PIXEL))
-    outcome = METHODS[method](rig, estimated, options, None)
+    open_size = np.isin(np.arange(len(noise.free)), (PIXEL, CORNER))
+    estimated = replace(noise, free=noise.free | open_size)
+    outcome = METHODS[method](replace(found, fit=None), estimated, options)
     warnings = (*outcome.warnings, *_warnings(found))
     warning = (
         f"the residuals are {np.sqrt(chi2 / freedom):.1f} times as large as the stated noise "
@@ -96,6 +98,18 @@ def calibrate(
     return calibration_of(method, rig, outcome, chi2 / freedom, found.findings)
 
 
+def _screened(rig: Rig) -> Screened:
+    """The rig without what is wrong, its boards first: they leave no doubt of the camera."""
+    if rig.board is None or not len(rig.observations.board):
+        return screened(rig)
+    boards = screened_boards(rig)
+    rig = boards.rig
+    if not (rig.observations.plane or rig.observations.crossing or rig.observations.board.line):
+        rig = replace(rig, lasers=())  # nothing tells of a sheet: the camera alone is calibrated
+    found = screened(rig, boards.state)
+    return replace(found, wrong=(*boards.wrong, *found.wrong), start=boards.state)
+
+
 def _warnings(found: Screened) -> tuple[str, ...]:
     left_out = tuple(f"left out as wrong: {words}" for words in found.wrong)
     return (*left_out, *(finding.in_words for finding in found.findings))
@@ -103,6 +117,6 @@ def _warnings(found: Screened) -> tuple[str, ...]:
 
 def _chi2_per_dof(fit: Fit) -> float:
     """1 where the noise was estimated from these residuals."""
-    if fit.noise.free[PIXEL] or fit.degrees_of_freedom < 1:
+    if fit.rig.pixel_std is None or fit.degrees_of_freedom < 1:
         return 1.0
     return fit.chi2 / fit.degrees_of_freedom

@@ -17,7 +17,8 @@ from scipy.special import chdtri
 
 from sheetoflight.calibration.adjustment import Adjustment
 from sheetoflight.calibration.board_evidence import BoardEvidence
-from sheetoflight.calibration.components import LINE, MARKER, PIXEL, PLACEMENT
+from sheetoflight.calibration.board_noise import board_variances
+from sheetoflight.calibration.components import LINE, MARKER, PIXEL, PLACEMENT, SHAPE
 from sheetoflight.calibration.rig_state import RigState
 from sheetoflight.estimation.variance_components import Contrasts, contrasts
 from sheetoflight.geometry.directions import Array
@@ -36,9 +37,9 @@ class NoiseModel:
     ----------
     proportions : mapping from stage to (N, M) array
         Of the image coordinates' standard uncertainties; root mean square 1.
-    variances : (6,) array
-        Of the `COMPONENTS`: px², mm², mm², px², px², mm².
-    free : (6,) mask
+    variances : (7,) array
+        Of the `COMPONENTS`: px², mm², mm², px², px², mm², px².
+    free : (7,) mask
         Which of them are to be estimated from the residuals.
     """
 
@@ -73,8 +74,8 @@ class NoiseModel:
             Where the image motions j are evaluated; needed where there is placement noise.
         """
         std = {stage: self.std(stage) for stage in stages}
-        boards = _board_evidence(rig, state)
-        plain = Adjustment(rig.target.positions, stages, std, free, None, boards, self.variances)
+        boards = _board_evidence(rig, self.variances, state)
+        plain = Adjustment(rig.target.positions, stages, std, free, None, boards)
         if "plane" not in stages or not self.placed_off or state is None:
             return plain
         covariance = self.covariance(plain, state, "plane")
@@ -83,9 +84,7 @@ class NoiseModel:
         covariance[:, places, places] += np.where(unseen, 1.0, 0.0)
         whitener = np.linalg.inv(np.linalg.cholesky(covariance))
         whiteners = {"plane": whitener}
-        return Adjustment(
-            rig.target.positions, stages, std, free, whiteners, boards, self.variances
-        )
+        return Adjustment(rig.target.positions, stages, std, free, whiteners, boards)
 
     @property
     def placed_off(self) -> bool:
@@ -116,7 +115,11 @@ class NoiseModel:
         return np.sum([self.variances[k] * part for k, part in parts], axis=0)
 
     def contrasts(
-        self, adjustment: Adjustment, state: RigState, moves: Mapping[str, list[Array]]
+        self,
+        adjustment: Adjustment,
+        state: RigState,
+        moves: Mapping[str, list[Array]],
+        size_column: int | None = None,
     ) -> list[Contrasts]:
         """The adjustment at a state with each view's pose eliminated, stage by stage.
 
@@ -126,7 +129,8 @@ class NoiseModel:
         state : RigState
         moves : mapping from stage to list of (N, M, 3) arrays
             Further ways in which the points could move; columns behind the shared parameters.
-            Where there are any, the size of the boards is a column behind them all.
+        size_column : int, optional
+            Where to put how the residuals move with the relative size of the boards.
         """
         groups = []
         for stage, views in adjustment.stages.items():
@@ -135,20 +139,20 @@ class NoiseModel:
             seen = np.repeat(views.seen, 2, axis=1)
             groups.append(contrasts(block, parts, seen))
         if adjustment.boards is not None:
-            lines_off = bool(self.free[LINE] or self.variances[LINE] > 0)
+            acting = [k for k in (LINE, SHAPE) if self.free[k] or self.variances[k] > 0]
             groups.append(
-                adjustment.boards.contrasts(state, adjustment.parameters, lines_off, bool(moves))
+                adjustment.boards.contrasts(state, adjustment.parameters, acting, size_column)
             )
         return groups
 
 
-def _board_evidence(rig: Rig, state: RigState | None) -> BoardEvidence | None:
+def _board_evidence(rig: Rig, variances: Array, state: RigState | None) -> BoardEvidence | None:
     views = rig.observations.board
     if rig.board is None or not len(views):
         return None
     if state is None:
-        return BoardEvidence(rig.board, views, None)
-    return BoardEvidence.at(rig.board, views, state)
+        return BoardEvidence(rig.board, views, variances)
+    return BoardEvidence.at(rig.board, views, variances, state)
 
 
 def off_sheet_motion(adjustment: Adjustment, state: RigState) -> Array:
@@ -173,13 +177,20 @@ def _rod_offsets(positions: Array) -> Array:
     return ends @ ends.T
 
 
-def noise_model(rig: Rig) -> NoiseModel:
+def noise_model(rig: Rig, start: RigState | None = None) -> NoiseModel:
     """The noise that a rig states, and what is left to be estimated.
 
     The points' own ``std`` give proportions only. A detector derives them from the grey values'
     noise; what else moves a marker – its print, its light, the lens – it cannot know, so the
     size comes from ``pixel_std``, as the root mean square over all points, or else from the
     residuals. Points without ``std`` count as typical ones.
+
+    Parameters
+    ----------
+    rig : Rig
+    start : RigState, optional
+        Camera and poses of the boards, where there are boards: they tell how large the noise is,
+        roughly.
     """
     stages, boards = rig.observations.stages(), rig.observations.board
     own = {
@@ -197,10 +208,22 @@ def noise_model(rig: Rig) -> NoiseModel:
     corner, stripe = (proportions_of(std)[1] for std in (boards.stds, boards.line.std))
     lines = len(boards.line) > 0
     std = [rig.pixel_std or typical, rig.placement_std or 0.0, 0.0]
-    std += [rig.pixel_std or corner, stripe, 0.0]
+    std += [rig.pixel_std or corner, stripe, 0.0, 0.0]
     open_size = rig.pixel_std is None
-    free = [open_size and bool(stages), lying, lying, open_size and len(boards) > 0, lines, lines]
-    return NoiseModel(proportions, np.array(std) ** 2, np.array(free))
+    free = [
+        open_size and bool(stages),
+        lying,
+        lying,
+        open_size and len(boards) > 0,
+        lines,
+        lines,
+        lines,
+    ]
+    variances = np.array(std) ** 2
+    if start is not None:
+        told = board_variances(rig, start)
+        variances = np.where(np.array(free) & np.isfinite(told), told, variances)
+    return NoiseModel(proportions, variances, np.array(free))
 
 
 def chi2_limit(degrees_of_freedom: int) -> float:

@@ -109,7 +109,9 @@ def _paper_influence(
                 slope = (ends[0] - ends[1]) / (2.0 * _DIFFERENCE_PX)
                 own += np.outer(slope, slope) * variances[view, marker]
     component = None if rig.pixel_std else COMPONENTS[PIXEL]
-    return Influence(sheet_names(1), (("sheet", component, own),), by_marker), by_camera
+    return Influence(
+        sheet_names(1), (("sheet", component, own),), by_marker, np.zeros(3)
+    ), by_camera
 
 
 def _few_inliers(plane: PaperPlane, options: PaperOptions) -> tuple[str, ...]:

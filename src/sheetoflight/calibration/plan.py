@@ -212,7 +212,7 @@ def predicted_covariance(planned: PlannedRig, told: Told) -> Covariance:
         if placement.any():
             noise.append(("placement", None, gain @ placement @ gain.T))
     names = tuple(np.array(planned.parameters)[kept].tolist())
-    influence = Influence(names, tuple(noise), -gain @ told.by_marker[0])
+    influence = Influence(names, tuple(noise), -gain @ told.by_marker[0], np.zeros(len(names)))
     rig = planned.rig
     return covariance_of(influence, planned.state, rig.lasers, rig.target, NoiseComponents())
 

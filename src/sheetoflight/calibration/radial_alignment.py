@@ -127,7 +127,7 @@ def _null_vector(rows: Array) -> Array | None:
     scale = np.linalg.norm(rows, axis=0)
     if (scale <= 0).any():
         return None
-    _, size, vectors = np.linalg.svd(rows / scale)
+    _, size, vectors = np.linalg.svd(np.linalg.qr(rows / scale, mode="r"))
     last = size[rows.shape[1] - 1] if len(size) == rows.shape[1] else 0.0
     if size[rows.shape[1] - 2] < max(_ROUNDING * size[0], _APART * last):
         return None

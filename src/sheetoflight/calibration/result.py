@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from sheetoflight.calibration.components import COMPONENTS, PIXEL
+from sheetoflight.calibration.components import COMPONENTS, CORNER, PIXEL
 from sheetoflight.calibration.fitting import Fit
 from sheetoflight.calibration.identifiability import LINEAR_LIMIT
 from sheetoflight.calibration.outcome import Outcome
@@ -37,14 +37,14 @@ def calibration_of(
         If the noise cannot be estimated, or a sheet is known too badly.
     """
     told = outcome.noise
-    if told.degrees_of_freedom < 1 and told.noise.free[PIXEL]:
+    if told.degrees_of_freedom < 1 and rig.pixel_std is None:
         raise UntrustworthyError(
             "camera" if method != "joint" else method,
             "there are no more observations than unknowns, so the noise cannot be estimated",
             "take more views, or state pixel_std under [noise] in rig.toml",
         )
     covariance = covariance_of(
-        outcome.influence, outcome.state, rig.lasers, rig.target, _components(told)
+        outcome.influence, outcome.state, rig.lasers, rig.target, _components(told), rig.board
     )
     planes = outcome.state.light_planes(rig.lasers)
     _refuse_beyond_linear(planes, covariance)
@@ -60,8 +60,10 @@ def calibration_of(
             chi2_per_dof=chi2_per_dof,
             views=views,
         ),
-        target=rig.target,
-        pixel_std=float(np.sqrt(told.noise.variances[PIXEL])),
+        target=rig.target if rig.observations.stages() else None,
+        pixel_std=float(
+            np.sqrt(told.noise.variances[PIXEL if rig.observations.stages() else CORNER])
+        ),
         warnings=(
             *outcome.warnings,
             *_views_that_stand_out(views),
@@ -100,14 +102,16 @@ def _view_residuals(fit: Fit) -> list[ViewResiduals]:
     residuals = fit.adjustment.residuals_px(fit.state)
     return [
         ViewResiduals(stage, name, views.uv[i], residuals[stage][i], points[i])
-        for stage, views in fit.adjustment.stages.items()
-        for points in [_known_points(fit, stage)]
+        for stage in fit.adjustment.block_names
+        for views, points in [(fit.adjustment.views_of(stage), _known_points(fit, stage))]
         for i, name in enumerate(views.names)
     ]
 
 
 def _known_points(fit: Fit, stage: str) -> Array:
     """Points of a stage in space; NaN for spots that were not seen, which have no place."""
+    if stage == "board" and fit.adjustment.boards is not None:
+        return fit.adjustment.boards.points(fit.state)
     points = fit.adjustment.placed(fit.state, stage).points.copy()
     markers = len(fit.adjustment.positions)
     points[:, markers:][~fit.adjustment.stages[stage].seen[:, markers:]] = np.nan

@@ -82,9 +82,13 @@ def robust_fit(task: EstimationTask) -> RobustFit:
     """
     rig, found = task.rig, _robust_evidence(task.rig)
     starts, refusal = [], None
-    for camera in chain(cameras(rig, found), plain_cameras(rig)):
+    every = chain(cameras(rig, found), plain_cameras(rig))
+    for camera in every if task.start is None else (task.start.camera,):
         try:
-            state = _robust_state(rig, found, pivoting_state(rig, found, camera), task.stages)
+            state = pivoting_state(rig, found, camera)
+            if task.start is not None:
+                state = state.with_poses("board", task.start.poses["board"])
+            state = _robust_state(rig, found, state, task.stages)
         except UntrustworthyError as reason:
             refusal = refusal or reason
             continue

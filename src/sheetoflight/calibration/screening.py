@@ -21,6 +21,7 @@ from sheetoflight.calibration.line_scatter import Scatter, line_scatter, noisy_s
 from sheetoflight.calibration.noise import NoiseModel, chi2_limit, noise_model
 from sheetoflight.calibration.outliers import Cleaned, cleaned, looks_wrong
 from sheetoflight.calibration.residual_tests import exact
+from sheetoflight.calibration.rig_state import RigState
 from sheetoflight.calibration.search import best_fit
 from sheetoflight.calibration.starts import with_sheets
 from sheetoflight.errors import UntrustworthyError
@@ -58,16 +59,25 @@ class Screened:
         What was left out, in words.
     findings : tuple of Finding
         What else the residuals point to.
+    start : RigState, optional
+        Camera and poses of the boards, where there are boards.
     """
 
     rig: Rig
     fit: Fit | None
     wrong: tuple[str, ...] = ()
     findings: tuple[Finding, ...] = ()
+    start: RigState | None = None
 
 
-def screened(rig: Rig) -> Screened:
+def screened(rig: Rig, start: RigState | None = None) -> Screened:
     """Find what is wrong with the observations of a rig.
+
+    Parameters
+    ----------
+    rig : Rig
+    start : RigState, optional
+        Camera and poses of its boards, which are screened already, where it has any.
 
     Raises
     ------
@@ -75,19 +85,21 @@ def screened(rig: Rig) -> Screened:
         If a fault runs through all views that would make the result misleading, or so much is
         wrong that what is right cannot be told.
     """
-    fit = _joint_fit(rig)
+    fit = _joint_fit(rig, start)
+    if not rig.observations.stages():
+        return Screened(rig, fit)
     if fit is None or not (fit.solution.converged and roughly_determined(fit)):
-        return _screened_of_gross_errors(rig, fit)
+        return _screened_of_gross_errors(rig, start, fit)
     if exact(fit):
         return Screened(rig, fit)
     scatter = line_scatter(fit)
     factors = _noise_factors(scatter)
     if not factors:
-        return _judged(rig, fit, scatter)
+        return _judged(rig, start, fit, scatter)
     noisy = noisy_stages(scatter)
     rig = _weighed(rig, fit.noise, factors)
-    fit = _joint_fit(rig)
-    found = _screened_of_gross_errors(rig, fit) if fit is None else _judged(rig, fit)
+    fit = _joint_fit(rig, start)
+    found = _screened_of_gross_errors(rig, start, fit) if fit is None else _judged(rig, start, fit)
     others = (finding for finding in found.findings if finding.cause not in _NOISE_CAUSES)
     return replace(found, findings=(*others, *noisy))
 
@@ -115,7 +127,9 @@ def _weighed(rig: Rig, noise: NoiseModel, factors: Mapping[str, float]) -> Rig:
     return replace(rig, observations=replace(rig.observations, **changed))
 
 
-def _judged(rig: Rig, fit: Fit, scatter: Mapping[str, Scatter] | None = None) -> Screened:
+def _judged(
+    rig: Rig, start: RigState | None, fit: Fit, scatter: Mapping[str, Scatter] | None = None
+) -> Screened:
     wrong = looks_wrong(fit)
     if not wrong and not (_too_noisy(fit) or suspicious(fit, scatter)):
         return Screened(rig, fit)
@@ -123,23 +137,23 @@ def _judged(rig: Rig, fit: Fit, scatter: Mapping[str, Scatter] | None = None) ->
     if not wrong:
         return _with_findings(Screened(rig, fit, (), told))
     try:
-        left = cleaned(_everything(rig))
+        left = cleaned(_everything(rig, start))
     except UntrustworthyError:
         refuse_misleading(told)
         raise
-    clean_fit = _joint_fit(left.rig) if left.wrong else None
+    clean_fit = _joint_fit(left.rig, start) if left.wrong else None
     if clean_fit is None or (told and _simpler(fit, told[0], clean_fit, left)):
         return _with_findings(Screened(rig, fit, (), told))
     return _without_what_is_wrong(left, clean_fit)
 
 
-def _screened_of_gross_errors(rig: Rig, fit: Fit | None) -> Screened:
+def _screened_of_gross_errors(rig: Rig, start: RigState | None, fit: Fit | None) -> Screened:
     """Where nothing fits: perhaps because of wrong detections. If not, the method will tell."""
     try:
-        left = cleaned(_everything(rig))
+        left = cleaned(_everything(rig, start))
     except (UntrustworthyError, np.linalg.LinAlgError):
         return _faulty_or_open(rig, fit)
-    clean_fit = _joint_fit(left.rig) if left.wrong else None
+    clean_fit = _joint_fit(left.rig, start) if left.wrong else None
     if clean_fit is None or not roughly_determined(clean_fit):
         return _faulty_or_open(rig, fit)
     return _without_what_is_wrong(left, clean_fit)
@@ -163,13 +177,13 @@ def _with_findings(found: Screened) -> Screened:
     return found
 
 
-def _everything(rig: Rig) -> EstimationTask:
-    return EstimationTask.of_everything(rig, noise_model(rig))
+def _everything(rig: Rig, start: RigState | None) -> EstimationTask:
+    return EstimationTask.of_everything(rig, noise_model(rig, start), start)
 
 
-def _joint_fit(rig: Rig) -> Fit | None:
+def _joint_fit(rig: Rig, start: RigState | None) -> Fit | None:
     try:
-        return best_fit(_everything(rig), with_sheets)
+        return best_fit(_everything(rig, start), with_sheets)
     except UntrustworthyError:
         return None
 

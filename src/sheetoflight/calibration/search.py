@@ -25,8 +25,9 @@ from sheetoflight.estimation.block_least_squares import Solution, SolverOptions
 from sheetoflight.geometry.lines import on_common_line
 from sheetoflight.model.rig import Rig
 
-Completion = Callable[[Rig, Evidence, RigState], RigState]
-"""Adds what the stages need beyond the pivoting targets to a starting state."""
+Completion = Callable[[Rig, Evidence | None, RigState], RigState]
+"""Adds what the stages need beyond the pivoting targets to a starting state. The evidence of
+collinear targets is absent where there are none."""
 
 _CONVINCING_ODDS = 1e-4
 """A minimum is taken without trying other starts unless its residuals exceed what the targets'
@@ -67,10 +68,12 @@ def best_fit(task: EstimationTask, complete: Completion) -> Fit:
 
 
 def _best_minimum(task: EstimationTask, complete: Completion) -> Solution[RigState]:
+    if task.start is not None and not task.stages:
+        return _from_boards(task, complete)
     found = evidence(task.rig)
     limit = _straightness_limit(task)
     best, cost, agreed, refusal = None, np.inf, 0, None
-    for state in _starts(task.rig, found, complete):
+    for state in _starts(task, found, complete):
         if isinstance(state, UntrustworthyError):
             refusal = refusal or state
             continue
@@ -93,13 +96,25 @@ def _best_minimum(task: EstimationTask, complete: Completion) -> Solution[RigSta
     return best
 
 
+def _from_boards(task: EstimationTask, complete: Completion) -> Solution[RigState]:
+    """Boards begin beside their minimum."""
+    assert task.start is not None
+    state = complete(task.rig, None, task.start)
+    return settled(_adjustment(task, task.free, state), state, task.blamed)
+
+
 def _starts(
-    rig: Rig, found: Evidence, complete: Completion
+    task: EstimationTask, found: Evidence, complete: Completion
 ) -> Iterator[RigState | UntrustworthyError]:
-    """Starting states, or why a camera leads to none."""
-    for camera in chain(cameras(rig, found), plain_cameras(rig)):
+    """Starting states, or why a camera leads to none. Boards leave no doubt of the camera."""
+    rig, boards = task.rig, task.start
+    every = chain(cameras(rig, found), plain_cameras(rig))
+    for camera in every if boards is None else (boards.camera,):
         try:
-            yield complete(rig, found, pivoting_state(rig, found, camera))
+            state = pivoting_state(rig, found, camera)
+            if boards is not None:
+                state = state.with_poses("board", boards.poses["board"])
+            yield complete(rig, found, state)
         except UntrustworthyError as refusal:
             yield refusal
 

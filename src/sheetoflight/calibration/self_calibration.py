@@ -6,7 +6,6 @@ mm and no sheet of light.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import Literal, get_args
 
@@ -34,6 +33,10 @@ _LOOSE = 0.1
 """Standard uncertainty of a focal length, and of the principal point as a part of the picture's
 width, with which a camera no longer counts as determined."""
 
+_OPTIONS = SolverOptions(iterations=150)
+"""A camera that the views determine is found in some ten steps, or in some fifty along the bent
+valley that a start without distortion may lead into."""
+
 
 @dataclass(frozen=True, eq=False)
 class SelfCalibration:
@@ -45,8 +48,8 @@ class SelfCalibration:
     pixels : Pixels
         What of K was estimated.
     camera_from_first : (V, 3, 4) array
-        ``[R t]`` of each view from the frame of the first; lengths in units of the distance
-        between the first two views, or all 0 where the camera only turns.
+        ``[R t]`` of each view from the frame of the first; lengths in units of the distance from
+        the first view to the farthest, or all 0 where the camera only turns.
     names : tuple of str
         The parameters that were estimated: ``camera.alpha`` …
     covariance : (P, P) array
@@ -152,6 +155,21 @@ def picture_frame(image_size: tuple[int, int]) -> Array:
     return np.array([[scale, 0, -scale * middle[0]], [0, scale, -scale * middle[1]], [0, 0, 1.0]])
 
 
+def turns(rotations: Array) -> Array:
+    """Rotation vectors ``(V, 3)`` rad of rotations ``(V, 3, 3)`` by less than half a turn."""
+    axes = 0.5 * np.stack(
+        [
+            rotations[:, 2, 1] - rotations[:, 1, 2],
+            rotations[:, 0, 2] - rotations[:, 2, 0],
+            rotations[:, 1, 0] - rotations[:, 0, 1],
+        ],
+        axis=1,
+    )
+    sine = np.linalg.norm(axes, axis=1)
+    angle = np.arctan2(sine, 0.5 * (np.trace(rotations, axis1=1, axis2=2) - 1.0))
+    return axes * (angle / np.maximum(sine, np.finfo(float).tiny))[:, None]
+
+
 def tied(camera: Camera, pixels: Pixels) -> Camera:
     """The camera of a reduced model nearest to a given one, without distortion."""
     alpha, beta, gamma, u0, v0 = camera.parameters[:5]
@@ -168,20 +186,21 @@ def adjusted(
     state: TrackState,
     pixels: Pixels,
     pixel_std: float | None,
-    options: SolverOptions | None = None,
 ) -> SelfCalibration | None:
     """The maximum-likelihood estimate from a start, or None where the tracks leave it open.
 
     The covariance is ``s² N⁻¹`` with the normal equations N of the shared parameters, all
     others eliminated, and s the pixel noise as stated, or as the residuals tell it.
     """
+    freedom = problem.degrees_of_freedom
+    if freedom < 1:
+        return None
     try:
-        solution = solve(problem, state, options)
+        solution = solve(problem, state, _OPTIONS)
         blocks = problem.blocks(solution.state)
         inverse, _ = scaled_inverse(reduced_information(blocks, problem.shared_size))
     except np.linalg.LinAlgError:
         return None
-    freedom = problem.degrees_of_freedom
     rms = float(np.sqrt(2.0 * solution.cost / freedom))
     tie = problem.tie
     chosen = np.flatnonzero(tie.any(axis=1))
@@ -196,13 +215,3 @@ def adjusted(
         degrees_of_freedom=freedom,
         converged=solution.converged,
     )
-
-
-def most_general(
-    models: Sequence[Pixels], fits: Iterable[SelfCalibration | None]
-) -> SelfCalibration | None:
-    """The first trusted one of fits with ever fewer parameters."""
-    for _, fit in zip(models, fits, strict=False):
-        if fit is not None and fit.trusted:
-            return fit
-    return None

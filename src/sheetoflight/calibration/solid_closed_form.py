@@ -70,7 +70,7 @@ def _projection(points: Array, uv: Array) -> Array | None:
     rows = np.zeros((len(x), 2, 12))
     rows[:, 0, :4] = rows[:, 1, 4:8] = x
     rows[:, :, 8:] = -p[..., None] * x[:, None]
-    _, size, vectors = np.linalg.svd(rows.reshape(-1, 12))
+    _, size, vectors = np.linalg.svd(rows.reshape(-1, 12), full_matrices=False)
     if size[10] < max(_ROUNDING * size[0], _APART * size[11]):
         return None
     return np.linalg.solve(to_image, vectors[11].reshape(3, 4) @ to_space)

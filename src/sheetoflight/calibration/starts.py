@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from sheetoflight.calibration.board_planes import planes_on_boards
 from sheetoflight.calibration.camera_closed_form import (
     PivotImages,
     closed_form_cameras,
@@ -75,6 +76,9 @@ def evidence(rig: Rig) -> Evidence:
 
 def cameras(rig: Rig, found: Evidence) -> Iterator[Camera]:
     """Cameras worth trying, the best founded first."""
+    if rig.camera is not None:
+        yield rig.camera
+        return
     middle = 0.5 * (np.array(rig.image_size) - 1.0)
     slopes = np.zeros((0, 3)) if found.pivot is None else found.pivot.slopes[found.pivot.full]
     back = np.linalg.inv(found.pixels)
@@ -89,7 +93,10 @@ def cameras(rig: Rig, found: Evidence) -> Iterator[Camera]:
 
 
 def plain_cameras(rig: Rig) -> Iterator[Camera]:
-    """Square pixels, principal point in the middle, all focal lengths that exist."""
+    """Square pixels, principal point in the middle, all focal lengths that exist; none where the
+    camera is known."""
+    if rig.camera is not None:
+        return
     middle = 0.5 * (np.array(rig.image_size) - 1.0)
     diagonal = float(np.hypot(*rig.image_size))
     for angle in _FIELDS_OF_VIEW_DEG:
@@ -124,11 +131,11 @@ def pivoting_state(rig: Rig, found: Evidence, camera: Camera) -> RigState:
     return replace(empty, anchor=anchor, poses={"camera": best})
 
 
-def with_sheets(rig: Rig, found: Evidence, state: RigState) -> RigState:
+def with_sheets(rig: Rig, found: Evidence | None, state: RigState) -> RigState:
     """The state with all sheets of light and the views that belong to them.
 
-    A sheet follows from its homography to the image; where there is none, from the points that
-    are triangulated on it.
+    A sheet follows from its line on boards; where there is none, from its homography to the
+    image, or else from the points that are triangulated on it.
 
     Raises
     ------
@@ -137,17 +144,21 @@ def with_sheets(rig: Rig, found: Evidence, state: RigState) -> RigState:
         cannot lie in it.
     """
     state = with_crossings(rig, state)
+    boards = planes_on_boards(rig, state) if rig.observations.board else ()
+    known = {laser: plane for laser, plane in enumerate(boards) if plane is not None}
     lasers = range(len(rig.lasers))
     try:
-        state = with_planes(rig, state, [_plane(rig, found, state, laser) for laser in lasers])
+        planes = [known.get(n) or _plane(rig, found, state, n) for n in lasers]
+        state = with_planes(rig, state, planes)
     except UntrustworthyError:  # parallel targets give a poor homography, but points in space
-        state = with_planes(rig, state, [_triangulated_plane(rig, state, n) for n in lasers])
+        planes = [known.get(n) or _triangulated_plane(rig, state, n) for n in lasers]
+        state = with_planes(rig, state, planes)
     return crossings_in_front(rig, state)
 
 
-def _plane(rig: Rig, found: Evidence, state: RigState, laser: int) -> tuple[Array, float]:
-    homography = found.sheets[laser]
-    if homography is None:
+def _plane(rig: Rig, found: Evidence | None, state: RigState, laser: int) -> tuple[Array, float]:
+    homography = None if found is None else found.sheets[laser]
+    if homography is None or found is None:
         return _triangulated_plane(rig, state, laser)
     return seen_plane(found, homography, state.camera)
 
@@ -166,6 +177,13 @@ def _triangulated_plane(rig: Rig, state: RigState, laser: int) -> tuple[Array, f
     lying, used = triangulated_views(rig, state.camera, "plane")
     lying = lying[rig.observations.plane.lasers[used] == laser] if len(used) else lying
     crossed = spots(rig, state, laser)
+    if len(rig.observations.board) and not len(lying) and not len(crossed):
+        raise UntrustworthyError(
+            "board",
+            f"the line of {rig.lasers[laser]} is seen on fewer than 2 boards",
+            "take pictures with the laser line across the board, held at 5 or more different "
+            "places and tilts",
+        )
     if len(lying) < 2 and len(crossed) < 3 - len(lying):
         raise UntrustworthyError(
             "plane",
@@ -187,7 +205,9 @@ def with_planes(rig: Rig, state: RigState, planes: Sequence[tuple[Array, float]]
         If a sheet passes through the camera, or a target cannot lie in it.
     """
     frames = np.array([np.stack([*tangent_basis(n), n], axis=1) for n, _ in planes])
-    state = replace(state, frames=frames, distances=np.array([d for _, d in planes]))
+    state = replace(
+        state, frames=frames.reshape(-1, 3, 3), distances=np.array([d for _, d in planes])
+    )
     views = rig.observations.plane
     return state.with_poses("plane", lying_poses(state, views, rig)) if len(views) else state
 

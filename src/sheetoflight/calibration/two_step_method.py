@@ -16,14 +16,16 @@ from sheetoflight.calibration.identifiability import (
 )
 from sheetoflight.calibration.noise import NoiseModel
 from sheetoflight.calibration.outcome import Outcome
-from sheetoflight.calibration.rig_state import intrinsic_names, sheet_names
+from sheetoflight.calibration.rig_state import RigState, intrinsic_names, sheet_names
 from sheetoflight.calibration.starts import evidence, with_sheets
 from sheetoflight.calibration.uncertainty import chained, influence
 from sheetoflight.geometry.directions import Array
 from sheetoflight.model.rig import Rig
 
 
-def two_step(rig: Rig, noise: NoiseModel, fit: Fit | None = None) -> Outcome:
+def two_step(
+    rig: Rig, noise: NoiseModel, fit: Fit | None = None, start: RigState | None = None
+) -> Outcome:
     """Camera from the pivoting target alone; sheets from all other views, the camera held.
 
     Parameters

@@ -14,15 +14,34 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from sheetoflight.calibration.components import COMPONENTS, PIXEL
+from sheetoflight.calibration.components import (
+    COMPONENTS,
+    CORNER,
+    LINE,
+    MARKER,
+    PLACEMENT,
+    SHAPE,
+    STRIPE,
+)
 from sheetoflight.calibration.fitting import Fit, undetermined
 from sheetoflight.calibration.rig_state import CAMERA, RigState, sheet_names
 from sheetoflight.geometry.directions import Array
+from sheetoflight.model.board import Board
 from sheetoflight.model.covariance import PLANE_PARTS, Covariance, NoiseComponents, Source
 from sheetoflight.model.target import CollinearTarget
 
 STAGE_SOURCES = {"camera": "camera", "plane": "sheet", "crossing": "crossing"}
 """What the pixel noise of a stage is called in a budget."""
+
+NOISE_SOURCES = {
+    PLACEMENT: "placement",
+    MARKER: "placement",
+    CORNER: "board",
+    STRIPE: "line",
+    LINE: "lines off the sheet",
+    SHAPE: "lines off the sheet",
+}
+"""What noise that has one cause is called in a budget."""
 
 
 @dataclass(frozen=True)
@@ -38,11 +57,14 @@ class Influence:
         stated.
     by_marker : (P, M) array
         How the estimates move with the position of each marker, per mm.
+    by_size : (P,) array
+        How they move with the relative size of the boards.
     """
 
     names: tuple[str, ...]
     noise: tuple[tuple[str, str | None, Array], ...]
     by_marker: Array
+    by_size: Array
 
 
 def influence(fit: Fit, names: Sequence[str], stage: str) -> Influence:
@@ -61,17 +83,18 @@ def influence(fit: Fit, names: Sequence[str], stage: str) -> Influence:
         gain = fit.covariance[chosen]
     except np.linalg.LinAlgError as reason:
         raise undetermined(stage) from reason
-    stages = tuple(fit.adjustment.stages)
+    stages = fit.adjustment.block_names
     noise = []
     for (place, k), share in model.shares.items():
         if fit.noise.variances[k] == 0:
             continue
         part = fit.noise.variances[k] * gain @ share[:size, :size] @ gain.T
-        source = STAGE_SOURCES[stages[place]] if k == PIXEL else "placement"
+        source = NOISE_SOURCES.get(k) or STAGE_SOURCES[stages[place]]
         estimated = fit.size_covariance[k, k] > 0
         noise.append((source, COMPONENTS[k] if estimated else None, part))
     by_marker = -gain @ model.information[:size, size : size + markers]
-    return Influence(tuple(names), tuple(noise), by_marker)
+    by_size = -gain @ model.information[:size, size + markers]
+    return Influence(tuple(names), tuple(noise), by_marker, by_size)
 
 
 def marker_moves(fit: Fit) -> dict[str, list[Array]]:
@@ -107,6 +130,7 @@ def chained(first: Influence, second: Influence, slope: Array) -> Influence:
         (*first.names, *second.names),
         tuple(noise),
         down @ first.by_marker + aside @ second.by_marker,
+        down @ first.by_size + aside @ second.by_size,
     )
 
 
@@ -116,6 +140,7 @@ def covariance_of(
     lasers: Sequence[str],
     target: CollinearTarget,
     components: NoiseComponents,
+    board: Board | None = None,
 ) -> Covariance:
     """Covariance in public names: the sheets' tilts become changes of their normals."""
     names, change = _public(influence.names, state, lasers)
@@ -130,6 +155,9 @@ def covariance_of(
     if target.thermal_std > 0:
         grown = by_marker @ target.positions * target.thermal_std
         sources.append(Source("temperature", np.outer(grown, grown)))
+    if board is not None and board.scale_std > 0:
+        sized = change @ influence.by_size * board.scale_std
+        sources.append(Source("board length", np.outer(sized, sized)))
     sources = [replace(s, matrix=0.5 * (s.matrix + s.matrix.T)) for s in sources]
     whole = np.sum([source.matrix for source in sources], axis=0)
     return Covariance(names, whole, tuple(sources), components)

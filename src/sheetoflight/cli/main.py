@@ -46,6 +46,14 @@ Example: sol detect rig/""",
 Reads rig.toml, and points.csv or else the pictures in camera/ and plane/.
 
 Example: sol calibrate rig/ -o calibration.json""",
+    "convert": """Camera and light planes from and to the files of other tools.
+
+OpenCV, ROS, Kalibr, HALCON and Bouguet's toolbox are read and written. What the other file cannot
+hold, and how far a fitted lens model is off, is told.
+
+Example: sol convert calibration.json camera.yaml --to ros
+
+Example: sol convert campar.dat calibration.json --pose lightplane.dat --pixel-std 0.1""",
     "measure": """Lengths with their 95 % intervals, from segments.csv or from pictures.
 
 Between the image points of a segments.csv, or between the ends of each piece of the laser line in

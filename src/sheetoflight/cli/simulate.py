@@ -8,11 +8,13 @@ from typing import Annotated, Literal
 from cyclopts import Parameter
 
 from sheetoflight.cli.telling import on_all_cores, tell
+from sheetoflight.model.board import BoardKind, PlanarBoard
 from sheetoflight.model.target import CollinearTarget
 from sheetoflight.workflow.simulated import SimulationOptions
 from sheetoflight.workflow.simulated import simulate as simulate_folder
 
 _DEFAULT = SimulationOptions()
+_BOARD = _DEFAULT.board
 
 
 def simulate(
@@ -33,6 +35,13 @@ def simulate(
     distortion: tuple[float, float, float, float, float] = _DEFAULT.distortion,
     clutter: int = _DEFAULT.clutter,
     bits: Literal[8, 16] = 8,
+    board_views: int = _DEFAULT.board_views,
+    crossing_views: int = _DEFAULT.crossing_views,
+    board: BoardKind = _BOARD.kind,
+    board_size: tuple[int, int] = (_BOARD.columns, _BOARD.rows),
+    board_pitch_mm: tuple[float, float] = _BOARD.pitch_mm,
+    staggered: bool = False,
+    pairs: bool = _DEFAULT.pairs,
 ) -> None:
     """Render a rig folder with pictures of the paper's rig, and truth.json beside it.
 
@@ -60,6 +69,20 @@ def simulate(
         Things painted on the wall.
     bits
         Bits a pixel.
+    board_views
+        Views of a board held across the sheet of light.
+    crossing_views
+        Views of the target that the sheet crosses at one point.
+    board
+        chessboard, circles, or charuco.
+    board_size
+        Columns and rows of the board's inner corners, or circles.
+    board_pitch_mm
+        Distance between neighbouring points along rows and columns in mm.
+    staggered
+        Shift every other row of circles by half of their distance.
+    pairs
+        Take boards and crossing targets with the laser off and on; or once, with it on.
     """
     options = SimulationOptions(
         camera_views=camera_views,
@@ -70,6 +93,10 @@ def simulate(
         clutter=clutter,
         bits=bits,
         seed=seed,
+        board_views=board_views,
+        crossing_views=crossing_views,
+        board=PlanarBoard(board, *board_size, board_pitch_mm, staggered=staggered),
+        pairs=pairs,
     )
     with on_all_cores() as run:
         simulate_folder(folder, options, run)

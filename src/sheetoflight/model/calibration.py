@@ -75,8 +75,6 @@ class _Measuring:
     provenance: Mapping[str, Any] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        if not self.lasers:
-            raise InputError("the calibration has no sheet of light", "give at least one")
         if not (np.isfinite(self.pixel_std) and self.pixel_std >= 0):
             raise InputError(f"pixel_std is {self.pixel_std} px", "give a value of 0 or more")
 
@@ -93,6 +91,11 @@ class _Measuring:
         InputError
             If there is no laser of that name, or several and none is named.
         """
+        if not self.lasers:
+            raise InputError(
+                "the calibration holds a camera and no sheet of light",
+                "calibrate with views that show the laser's line",
+            )
         names = " | ".join(self.lasers)
         if laser is None and len(self.lasers) > 1:
             raise InputError(f"the calibration has the lasers {names}", "say which one is meant")
@@ -140,6 +143,7 @@ class Calibration(_Measuring):
         How it was calibrated: ``joint``, ``two-step``, ``paper`` …
     camera : Camera
     light_planes : tuple of LightPlane
+        None where the camera alone was calibrated.
     covariance : Covariance
     residuals : Residuals
     target : CollinearTarget, optional
@@ -163,7 +167,7 @@ class Calibration(_Measuring):
     @property
     def light_plane(self) -> LightPlane:
         """The first, and most often the only, sheet of light."""
-        return self.light_planes[0]
+        return self.sheet(self.lasers[0] if self.lasers else None)
 
     def sheet(self, laser: str | None = None) -> LightPlane:
         """The sheet of light of a laser.

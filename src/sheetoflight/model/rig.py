@@ -31,7 +31,7 @@ class Rig:
         How far, as a standard deviation in mm, the ends of a target laid into the sheet lie off
         it; estimated where absent, 0 where the target is known to lie in the sheet.
     lasers : tuple of str
-        Names of the sheets of light.
+        Names of the sheets of light; none where a camera alone is calibrated.
     board : Board, optional
         What stage board shows.
     camera : Camera, optional
@@ -71,7 +71,7 @@ class Rig:
                 f"placement_std is {self.placement_std} mm",
                 "give a value of 0 or more, or leave it out",
             )
-        if not self.lasers or len(set(self.lasers)) != len(self.lasers) or "" in self.lasers:
+        if len(set(self.lasers)) != len(self.lasers) or "" in self.lasers:
             raise InputError(
                 f"the lasers are called {list(self.lasers)}", "give each laser a name of its own"
             )

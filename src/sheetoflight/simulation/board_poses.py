@@ -15,6 +15,9 @@ from sheetoflight.simulation.poses import points_in_sheet
 from sheetoflight.simulation.rig import SimulatedRig, paper_rig
 from sheetoflight.simulation.visible import in_picture
 
+SHEET_OF_PAPER = PlanarBoard("chessboard", 11, 8, (20.0, 20.0))
+"""A chessboard of 12 × 9 fields that fills a sheet of A4."""
+
 _BATCH = 512
 _BATCHES = 100
 _ASIDE = 0.25
@@ -58,9 +61,8 @@ def board_rig(
     board: Board | None = None,
     distortion: tuple[float, float, float, float, float] = (0.0, 0.0, 0.0, 0.0, 0.0),
 ) -> SimulatedRig:
-    """The paper's rig with a board: by default a chessboard of 12 × 9 fields of 20 mm."""
-    board = board or PlanarBoard("chessboard", 11, 8, (20.0, 20.0))
-    return replace(paper_rig(distortion), board=board)
+    """The paper's rig with a board, by default `SHEET_OF_PAPER`."""
+    return replace(paper_rig(distortion), board=board or SHEET_OF_PAPER)
 
 
 def board_poses(

@@ -38,6 +38,16 @@ class Chart:
     b_per_px: tuple[Array, Array]
     footprint_px: float
 
+    def only(self, samples: np.ndarray) -> Chart:
+        """The samples of a mask."""
+        a_by_u, a_by_v, b_by_u, b_by_v = (
+            np.broadcast_to(slope, samples.shape)[samples]
+            for slope in (*self.a_per_px, *self.b_per_px)
+        )
+        return Chart(
+            self.a[samples], self.b[samples], (a_by_u, a_by_v), (b_by_u, b_by_v), self.footprint_px
+        )
+
     def coverage(self, inside: Array, by_a: float | Array, by_b: float | Array) -> Array:
         """Share of each footprint in which a quantity is positive.
 
@@ -241,17 +251,19 @@ class Cells:
 
     def coverage(self, chart: Chart) -> Array:
         """Painted share of each sample's footprint."""
-        columns = self._shares(chart, chart.a - self.a, 1.0, 0.0)
-        rows = self._shares(chart, chart.b - self.b, 0.0, 1.0)
-        covered = np.zeros_like(columns[0])
-        for row, painted in zip(rows, self.painted, strict=True):
-            within = [share for share, black in zip(columns, painted, strict=True) if black]
-            covered += row * np.sum(within, axis=0) if within else 0.0
+        near = np.maximum(np.abs(chart.a - self.a), np.abs(chart.b - self.b)) < self.reach
+        covered = np.zeros(near.shape)
+        covered[near] = self._covered(chart.only(near))  # many patches meet in a block of samples
         return covered
 
-    def _shares(self, chart: Chart, along: Array, by_a: float, by_b: float) -> list[Array]:
-        """Share of each footprint in every column, or row, of cells."""
+    def _covered(self, chart: Chart) -> Array:
+        columns = self._shares(chart, chart.a - self.a, 1.0, 0.0)
+        rows = self._shares(chart, chart.b - self.b, 0.0, 1.0)
+        inked = np.array(self.painted, dtype=float) @ columns
+        return np.sum(rows * inked, axis=0)
+
+    def _shares(self, chart: Chart, along: Array, by_a: float, by_b: float) -> Array:
+        """Share ``(cells, n)`` of each of n footprints in every column, or row, of cells."""
         count = len(self.painted)
         edges = self.side * (np.arange(count + 1) / count - 0.5)
-        beyond = [chart.coverage(along - edge, by_a, by_b) for edge in edges]
-        return [beyond[i] - beyond[i + 1] for i in range(count)]
+        return -np.diff([chart.coverage(along - edge, by_a, by_b) for edge in edges], axis=0)

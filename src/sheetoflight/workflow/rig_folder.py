@@ -19,6 +19,7 @@ from sheetoflight.io.rig_toml import RigFile, read_rig_toml
 from sheetoflight.model.observations import Observations, TargetViews, no_views
 from sheetoflight.model.rig import Rig
 from sheetoflight.model.target import CollinearTarget
+from sheetoflight.workflow.crossings import Crossing, crossing_views, searched_crossing
 from sheetoflight.workflow.spread import ALONE, Execution, spread
 
 STAGES = ("camera", "plane")
@@ -57,10 +58,9 @@ def load_rig(folder: str | Path, run: Execution = ALONE) -> Rig:
     Raises
     ------
     FileError, InputError
-        If the folder, a file or a picture cannot be used; the message names it. Pictures of
-        stage crossing cannot be used without ``points.csv``.
+        If the folder, a file or a picture cannot be used; the message names it.
     UntrustworthyError
-        If no picture of a stage shows the target.
+        If no picture of a stage shows the target, or the laser's spot on it.
     """
     folder = Path(folder)
     described = _described(folder)
@@ -75,14 +75,14 @@ def load_rig(folder: str | Path, run: Execution = ALONE) -> Rig:
 def detect(folder: str | Path, run: Execution = ALONE) -> Detection:
     """Find the target in all pictures of a rig folder and write ``points.csv``.
 
-    What ``points.csv`` held of stage crossing stays in it: no picture is searched for that.
+    What ``points.csv`` held of stage crossing stays in it where there are no pictures of that.
 
     Raises
     ------
     FileError, InputError
         If the folder, a file or a picture cannot be used; the message names it.
     UntrustworthyError
-        If no picture of a stage shows the target.
+        If no picture of a stage shows the target, or the laser's spot on it.
     """
     folder = Path(folder)
     detection = _detected(folder, _described(folder), run)
@@ -152,15 +152,47 @@ def _first_picture_size(folder: Path, described: RigFile) -> tuple[int, int] | N
     return None
 
 
-def _refuse_crossing_pictures(folder: Path) -> None:
-    crossing = folder / "crossing"
-    if crossing.is_dir() and holds_pictures(crossing):
-        raise InputError(
-            f"{file_name(crossing)} holds pictures, and there is no {POINTS}; this version does "
-            "not search pictures of stage crossing for the laser's spot",
-            f"give their markers and spots in {POINTS} (stage crossing, marker laser), or move "
-            "the folder away",
+def _searched_crossing(file: PictureFile, target: CollinearTarget) -> Crossing:
+    _refuse_unlike_pair(file, _size(read_picture(file.path)))
+    return searched_crossing(file, target)
+
+
+def _crossing(
+    folder: Path, described: RigFile, size: tuple[int, int] | None, run: Execution
+) -> tuple[TargetViews, list[Missed], tuple[int, int] | None]:
+    """Views of stage crossing, what was missed, and the pictures' size: searched for in the
+    pictures, where there are any, or else as ``points.csv`` has them."""
+    pictured = _crossing_pictures(folder / "crossing", described.lasers)
+    if not pictured:
+        return _crossing_kept(folder, described), [], size
+    files = [picture.file for picture in pictured]
+    search = partial(_searched_crossing, target=described.target)
+    found = list(spread(search, files, "detect crossing", run))
+    for file, outcome in zip(files, found, strict=True):
+        size = size or outcome.size
+        _refuse_other_size(file.path.relative_to(folder), outcome.size, size)
+    missed = [
+        Missed("crossing", picture.view, outcome.reason)
+        for picture, outcome in zip(pictured, found, strict=True)
+        if outcome.spot is None
+    ]
+    if len(missed) == len(found):
+        raise UntrustworthyError(
+            "crossing",
+            f"the laser's spot on the target was seen in none of {len(found)} pictures; "
+            f"{files[0].path.name}: {found[0].reason}",
+            "check that the laser is on and its sheet crosses the target between markers",
         )
+    names = [picture.view for picture in pictured]
+    lasers = [picture.laser for picture in pictured]
+    return crossing_views(names, lasers, found, len(described.lasers)), missed, size
+
+
+def _crossing_pictures(crossing: Path, lasers: tuple[str, ...]) -> list[_Pictured]:
+    """The pictures of stage crossing, if any: of several lasers in a folder for each."""
+    places = [crossing, *(crossing / name for name in lasers)]
+    held = any(place.is_dir() and holds_pictures(place) for place in places)
+    return _pictured(crossing, lasers) if held else []
 
 
 def _crossing_kept(folder: Path, described: RigFile) -> TargetViews:
@@ -172,9 +204,6 @@ def _crossing_kept(folder: Path, described: RigFile) -> TargetViews:
 
 
 def _detected(folder: Path, described: RigFile, run: Execution) -> Detection:
-    if not (folder / POINTS).exists():
-        _refuse_crossing_pictures(folder)
-    crossing = _crossing_kept(folder, described)
     views, missed = {}, []
     size = described.image_size
     for stage, pictured in _stage_folders(folder, described.lasers).items():
@@ -191,6 +220,8 @@ def _detected(folder: Path, described: RigFile, run: Execution) -> Detection:
             for picture, outcome in zip(pictured, outcomes, strict=True)
             if outcome.sighting is None
         ]
+    crossing, lost, size = _crossing(folder, described, size, run)
+    missed += lost
     empty = no_views(len(described.target.markers_mm))
     observations = Observations(views.get("camera", empty), views.get("plane", empty), crossing)
     rig = described.rig(observations, picture_size=size)

@@ -13,8 +13,11 @@ from sheetoflight.io.documents import write_json
 from sheetoflight.io.folders import made_folder, put_in_place, working_folder
 from sheetoflight.io.pictures import write_picture
 from sheetoflight.io.rig_toml import write_rig_toml
+from sheetoflight.model.board import Board, PlanarBoard
 from sheetoflight.model.rig import Rig
 from sheetoflight.model.target import CollinearTarget
+from sheetoflight.simulation.board_poses import SHEET_OF_PAPER
+from sheetoflight.simulation.board_surface import Code
 from sheetoflight.simulation.render import RenderOptions
 from sheetoflight.simulation.rig import SimulatedRig, paper_rig
 from sheetoflight.simulation.views import (
@@ -27,11 +30,16 @@ from sheetoflight.simulation.views import (
 from sheetoflight.workflow.spread import ALONE, Execution, spread
 
 TRUTH = "truth.json"
-_MADE_HERE = frozenset(("rig.toml", "points.csv", TRUTH, "camera", "plane", "measure"))
+_MADE_HERE = frozenset(
+    ("rig.toml", "points.csv", TRUTH, "camera", "plane", "measure", "board", "crossing")
+)
 
 TABLE_2_MM = (150.0, 150.0, 300.0, 300.0, 450.0, 450.0)
 TABLE_4_MM = (20.0, 20.0, 20.0, 40.0, 40.0, 60.0)
 """The lengths that the paper measures in its Tables 2 and 4."""
+
+
+_COUNTS = ("camera_views", "plane_views", "clutter", "seed", "board_views", "crossing_views")
 
 
 @dataclass(frozen=True)
@@ -50,6 +58,11 @@ class SimulationOptions:
         Number of things painted on the wall.
     bits : {8, 16}
     seed : int
+    board_views, crossing_views : int
+        Views of a board held across the sheet, and of the target that the sheet crosses.
+    board : PlanarBoard
+    pairs : bool
+        Whether these views are taken twice, laser off and on, or once, with it on.
 
     Raises
     ------
@@ -65,9 +78,13 @@ class SimulationOptions:
     clutter: int = 12
     bits: int = 8
     seed: int = 0
+    board_views: int = 0
+    crossing_views: int = 0
+    board: PlanarBoard = SHEET_OF_PAPER
+    pairs: bool = True
 
     def __post_init__(self) -> None:
-        for name in ("camera_views", "plane_views", "clutter", "seed"):
+        for name in _COUNTS:
             if getattr(self, name) < 0:
                 raise InputError(f"{name} is {getattr(self, name)}", "give 0 or more")
         if not all(isfinite(length) and length > 0 for length in self.bars_mm):
@@ -96,9 +113,12 @@ def simulate(
         If a file cannot be written.
     """
     folder, options = Path(folder), options or SimulationOptions()
-    truth_rig = paper_rig(options.distortion, options.target)
+    truth_rig = _truth_rig(options)
     view_options = ViewOptions(
-        render=replace(RenderOptions(), bits=options.bits), clutter=options.clutter
+        render=replace(RenderOptions(), bits=options.bits),
+        clutter=options.clutter,
+        pairs=options.pairs,
+        codes=_codes(truth_rig.board),
     )
     tasks = picture_tasks(
         truth_rig,
@@ -107,6 +127,8 @@ def simulate(
         options.bars_mm,
         view_options,
         options.seed,
+        options.board_views,
+        options.crossing_views,
     )
     _refuse_foreign(folder)
     truth = folder_truth(truth_rig, tasks)
@@ -128,12 +150,25 @@ def _rendered(job: tuple[PictureTask, Path]) -> None:
     write_picture(path, render_task(task).image)
 
 
+def _truth_rig(options: SimulationOptions) -> SimulatedRig:
+    rig = paper_rig(options.distortion, options.target)
+    return replace(rig, board=options.board) if options.board_views else rig
+
+
+def _codes(board: Board | None) -> tuple[Code, ...]:
+    if not isinstance(board, PlanarBoard) or board.kind != "charuco":
+        return ()
+    from sheetoflight.imaging.marker_codes import marker_codes
+
+    return marker_codes(board)
+
+
 def _known(rig: SimulatedRig, options: SimulationOptions) -> Rig:
     """What the person who calibrates knows of the rig."""
     model = "none" if not any(options.distortion) else "radial2"
     if any(options.distortion[2:]):
         model = "brown"
-    return Rig(rig.target, rig.camera.image_size, distortion=model)
+    return Rig(rig.target, rig.camera.image_size, distortion=model, board=rig.board)
 
 
 def _refuse_foreign(folder: Path) -> None:

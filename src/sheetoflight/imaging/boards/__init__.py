@@ -3,7 +3,7 @@
 ::
 
     grey -> the kind's own search (chessboard, circles, charuco) -> refined points and their std
-         -> points under the laser line left out -> sighting
+         -> points beside the laser line left out -> sighting
 """
 
 from sheetoflight.imaging.boards.search import find_board

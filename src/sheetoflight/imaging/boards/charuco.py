@@ -140,7 +140,6 @@ def _no_board(
 
 
 def _measured(picture: GreyPicture, board: PlanarBoard, rough: Array, grid: Array) -> FoundPoints:
-    a, b = steps(grid)
     free = _free_of_markers(board) * room(grid).ravel()
     window = windows(free)
     seen = inside(rough, picture.values.shape)
@@ -148,7 +147,8 @@ def _measured(picture: GreyPicture, board: PlanarBoard, rough: Array, grid: Arra
     uv[seen] = refined(picture, rough[seen], window[seen])
     std[seen] = corner_std(picture, uv[seen], window[seen])
     places = np.where(seen[:, None], uv, grid.reshape(-1, 2))
-    saddle = np.abs(saddles(picture, places, a.reshape(-1, 2), b.reshape(-1, 2)))
+    flat = [step.reshape(-1, 2) for step in steps(grid)]
+    saddle = np.abs(saddles(picture, places, *flat))
     moved = np.linalg.norm(places - np.where(seen[:, None], rough, places), axis=1)
     bad = ~seen | ~np.isfinite(std) | (moved > _FARTHEST_MOVE * spacing(grid))
     bad |= (saddle < _LEAST_SADDLE / 2) | ~inside(places, picture.values.shape)

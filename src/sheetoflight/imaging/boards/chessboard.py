@@ -15,19 +15,21 @@ from sheetoflight.imaging.boards.grid import (
     steps,
     upper_left_first,
 )
-from sheetoflight.imaging.boards.levels import EightBit, shown
+from sheetoflight.imaging.boards.levels import EightBit, at_working_size, eight_bit, shown
 from sheetoflight.imaging.boards.other_size import inside, why_not_found
-from sheetoflight.imaging.boards.saddles import alternating, saddles
+from sheetoflight.imaging.boards.saddles import alternating, middle_excess, saddles
 from sheetoflight.imaging.boards.second_board import blanked, where
 from sheetoflight.imaging.boards.sharpness import edge_width
 from sheetoflight.imaging.boards.sighting import FoundPoints
 from sheetoflight.imaging.markers.grey import GreyPicture, Picture
+from sheetoflight.imaging.markers.line_light import bridged
 from sheetoflight.model.board import PlanarBoard
 
 _ADAPTIVE = cv2.CALIB_CB_ADAPTIVE_THRESH | cv2.CALIB_CB_NORMALIZE_IMAGE
 _THOROUGH = cv2.CALIB_CB_NORMALIZE_IMAGE | cv2.CALIB_CB_EXHAUSTIVE
 _LEAST_SADDLE = 0.6
 _LEAST_GOOD_SHARE = 0.75
+_MOST_EXCESS = 0.4
 _FARTHEST_MOVE = 0.3
 _WIDEST_EDGE = 0.5
 
@@ -47,7 +49,7 @@ def find_chessboard(picture: GreyPicture, board: PlanarBoard) -> FoundPoints | s
     board : PlanarBoard
         Of kind ``chessboard``.
     """
-    grid = located(picture.values, board.columns, board.rows)
+    grid = located(picture, board.columns, board.rows)
     if grid is None:
         return why_not_found(picture.values, board)
     grid = _numbered(picture, grid, board)
@@ -55,15 +57,25 @@ def find_chessboard(picture: GreyPicture, board: PlanarBoard) -> FoundPoints | s
     return doubt or _measured(picture, grid)
 
 
-def located(values: Picture, columns: int, rows: int) -> Array | None:
+def located(picture: GreyPicture, columns: int, rows: int) -> Array | None:
     """Rough corners ``(rows, columns, 2)`` px in any numbering, or None."""
-    for form, size in shown(values):
-        corners = _by_quads(form, columns, rows)
-        if corners is None:
-            corners = _by_corners(form, columns, rows)
-        if corners is not None:
-            return size * corners.reshape(rows, columns, 2).astype(float)
-    return None
+    for form, size in shown(picture.values):
+        grid = _located_in(form, size, columns, rows)
+        if grid is not None:
+            return grid
+    # A laser line along a row of squares joins them; below it they may still be told apart.
+    unlit = bridged(picture)
+    if unlit is None:
+        return None
+    work, size = at_working_size(unlit)
+    return _located_in(eight_bit(work), size, columns, rows)
+
+
+def _located_in(form: EightBit, size: float, columns: int, rows: int) -> Array | None:
+    corners = _by_quads(form, columns, rows)
+    if corners is None:
+        corners = _by_corners(form, columns, rows)
+    return None if corners is None else size * corners.reshape(rows, columns, 2).astype(float)
 
 
 def _by_quads(form: EightBit, columns: int, rows: int) -> np.ndarray | None:
@@ -147,9 +159,10 @@ def _measured(picture: GreyPicture, grid: Array) -> FoundPoints:
     rough = grid.reshape(-1, 2)
     uv = refined(picture, rough, window)
     std = corner_std(picture, uv, window)
-    a, b = steps(grid)
-    saddle = alternating(saddles(picture, uv.reshape(grid.shape), a, b))
+    flat = [step.reshape(-1, 2) for step in steps(grid)]
+    saddle = alternating(saddles(picture, uv, *flat).reshape(grid.shape[:2]))
     bad = saddle.ravel() * np.sign(np.median(saddle)) < _LEAST_SADDLE
+    bad |= np.abs(middle_excess(picture, uv, *flat)) > _MOST_EXCESS
     bad |= np.linalg.norm(uv - rough, axis=1) > _FARTHEST_MOVE * spacing(grid)
     bad |= ~inside(uv, picture.values.shape) | ~np.isfinite(std)
     uv[bad], std[bad] = np.nan, np.nan

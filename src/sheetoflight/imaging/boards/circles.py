@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from itertools import product
 
 import cv2
 import numpy as np
@@ -23,6 +24,9 @@ from sheetoflight.model.board import PlanarBoard
 _CANDIDATES_A_CIRCLE = 3
 _FIT = FitOptions(surround=1.3, most_pixels=1500)
 _OTHER_SIZES = ((-1, 0), (0, -1), (-1, -1), (-2, 0), (0, -2))
+_ALIKE = 3.0
+_TRIES = 3
+
 _FARTHEST_OFF = 0.35
 """Squares of the grid that a circle may lie from where the plane has it; lenses distort."""
 
@@ -42,12 +46,26 @@ def find_circles(picture: GreyPicture, board: PlanarBoard) -> FoundPoints | str:
     """
     most = _CANDIDATES_A_CIRCLE * board.columns * board.rows
     candidates = disc_candidates(picture, replace(DiscOptions(), most=max(most, 150)))
-    for dark in (True, False):
-        discs = [c for c in candidates if (c.contrast > 0) is dark]
+    for discs in _alike(candidates):
         members = _grid_of(discs, board)
         if members is not None:
             return _checked(picture, discs, members, board)
     return _why_not(candidates, board)
+
+
+def _alike(candidates: Sequence[Candidate]) -> list[list[Candidate]]:
+    """The dark discs and the light ones, without those that are much fainter or of another size
+    than most."""
+    groups = []
+    for dark in (True, False):
+        discs = [c for c in candidates if (c.contrast > 0) is dark]
+        contrast = np.median([abs(c.contrast) for c in discs] or [0.0])
+        radius = np.median([c.radius for c in discs] or [0.0])
+        groups.append([
+            c for c in discs
+            if abs(c.contrast) > contrast / _ALIKE and radius / _ALIKE < c.radius < _ALIKE * radius
+        ])  # fmt: skip
+    return groups
 
 
 def _grid_of(discs: Sequence[Candidate], board: PlanarBoard) -> np.ndarray | None:
@@ -57,7 +75,9 @@ def _grid_of(discs: Sequence[Candidate], board: PlanarBoard) -> np.ndarray | Non
         return None
     uv = np.array([d.centre for d in discs], dtype=np.float32)
     kind = cv2.CALIB_CB_ASYMMETRIC_GRID if board.staggered else cv2.CALIB_CB_SYMMETRIC_GRID
-    for flags in (kind, kind | cv2.CALIB_CB_CLUSTERING):
+    for flags, seed in product((kind, kind | cv2.CALIB_CB_CLUSTERING), range(_TRIES)):
+        # OpenCV looks for the grid's two directions from random starts.
+        cv2.setRNGSeed(seed)
         found, centres = cv2.findCirclesGrid(
             uv[:, None],
             (board.columns, board.rows),
@@ -67,10 +87,25 @@ def _grid_of(discs: Sequence[Candidate], board: PlanarBoard) -> np.ndarray | Non
         )
         if found:
             away = np.linalg.norm(np.asarray(centres).reshape(-1, 1, 2) - uv, axis=-1)
-            members = away.argmin(axis=1)
-            if len(set(members)) == count and _lies_in_a_plane(uv[members], board):
-                return members.reshape(board.rows, board.columns)
+            members = _in_order(uv, away.argmin(axis=1), board)
+            if members is not None:
+                return members
     return None
+
+
+def _in_order(uv: Array, members: np.ndarray, board: PlanarBoard) -> np.ndarray | None:
+    """The members of the grid in an order that suits a plane board, or None.
+
+    OpenCV sometimes takes the odd rows of a staggered grid for the even ones.
+    """
+    if len(set(members)) < len(members):
+        return None
+    order = members.reshape(board.rows, board.columns)
+    orders = [order]
+    if board.staggered and board.rows % 2 == 0:
+        swapped = order.reshape(-1, 2, board.columns)[:, ::-1].reshape(order.shape)
+        orders = [o for both in (order, swapped) for o in (both, both[:, ::-1])]
+    return next((o for o in orders if _lies_in_a_plane(uv[o.ravel()], board)), None)
 
 
 def _lies_in_a_plane(uv: Array, board: PlanarBoard) -> bool:
@@ -131,29 +166,32 @@ def _goes_on(grid: Array, centres: Array, board: PlanarBoard) -> bool:
     matrix = plane_to_picture(board, grid.reshape(-1, 2))
     if matrix is None:
         return False
-    wider = replace(board, columns=board.columns + 1, rows=board.rows + 1)
-    # In a staggered grid a row two further on lies as the first does.
-    back = 2 if board.staggered else 1
-    x, y = board.pitch_mm
-    shifts = np.array([[0.0, 0.0], [back * x, 0.0], [0.0, back * y]])
-    limit = 0.25 * spacing(grid)
-    for shift in shifts:
-        points = (wider.points[:, :2] - shift).reshape(wider.rows, wider.columns, 2)
-        uv = mapped(matrix, points)
-        away = np.linalg.norm(uv[..., None, :] - centres, axis=-1).min(axis=-1)
-        sides = [away[0, :-1], away[:-1, 0], away[-1, :-1], away[:-1, -1]]
-        new = sides[2:] if not shift.any() else sides[:1] if shift[1] else sides[1:2]
-        if any((side < limit).all() for side in new):
+    for side in _beyond(board):
+        away = np.linalg.norm(mapped(matrix, side)[:, None] - centres, axis=-1).min(axis=1)
+        if (away < _FARTHEST_OFF * spacing(grid)).all():
             return True
     return False
 
 
+def _beyond(board: PlanarBoard) -> list[Array]:
+    """Places ``(n, 2)`` mm on the board of a further row or column on each of the four sides."""
+    across, down = np.arange(board.columns), np.arange(board.rows)
+    sides = ((across, 0 * across - 1), (across, 0 * across + board.rows),
+             (0 * down - 1, down), (0 * down + board.columns, down))  # fmt: skip
+    places = []
+    for column, row in sides:
+        x = 2 * column + row % 2 if board.staggered else column
+        places.append(np.stack([x, row], axis=-1) * np.array(board.pitch_mm))
+    return places
+
+
 def _measured(
     picture: GreyPicture, discs: Sequence[Candidate], board: PlanarBoard
-) -> FoundPoints | str:
+) -> FoundPoints:
     fits = [fitted_marker(picture, disc, quadrant=False, options=_FIT) for disc in discs]
     uv = np.array([[np.nan, np.nan] if f is None else f.uv for f in fits])
-    frames = np.array([d.frame if f is None else f.shape.frame for d, f in zip(discs, fits, strict=True)])
+    shapes = [d if f is None else f.shape for d, f in zip(discs, fits, strict=True)]
+    frames = np.array([shape.frame for shape in shapes])
     std = np.array([np.nan if f is None else np.sqrt(np.trace(f.covariance) / 2) for f in fits])
     reach = _FIT.surround * np.linalg.norm(frames, ord=2, axis=(1, 2))
     return FoundPoints(centres_of(uv, frames, board), std, reach)
@@ -165,8 +203,7 @@ def _why_not(candidates: Sequence[Candidate], board: PlanarBoard) -> str:
         columns, rows = board.columns + fewer_columns, board.rows + fewer_rows
         if min(columns, rows) < 3:
             continue
-        for dark in (True, False):
-            discs = [c for c in candidates if (c.contrast > 0) is dark]
+        for discs in _alike(candidates):
             members = _grid_of(discs, replace(board, columns=columns, rows=rows))
             if members is not None:
                 place = where(np.array([d.centre for d in discs])[members])

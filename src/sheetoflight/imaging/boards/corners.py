@@ -14,6 +14,10 @@ _LARGEST_WINDOW = 11
 
 _SMALLEST_WINDOW = 2
 _CLEAR_OF_NEIGHBOURS = 1.5
+_SYSTEMATIC_PX = 0.06
+"""Error of a corner in a picture without noise times the root of its window, measured on drawings:
+pixels are sums over squares, and slopes differences of pixels."""
+
 _STEPS, _STILL_PX = 50, 1e-4
 
 
@@ -51,12 +55,14 @@ def corner_std(picture: GreyPicture, uv: Array, window: NDArray[np.int64]) -> Ar
 
     The corner q solves ``Σ w g gᵀ (q − p) = 0`` over the pixels p of the window with slopes g.
     To first order the noise of the grey values moves it by ``G⁻¹ Σ w g (δg · (p − q))``,
-    ``G = Σ w g gᵀ``; each grey value has a part in the slopes of its four neighbours.
+    ``G = Σ w g gᵀ``; each grey value has a part in the slopes of its four neighbours. What is left
+    without noise is added as independent.
     """
     std = np.full(len(uv), np.nan)
     for size in np.unique(window):
         of_size = window == size
-        std[of_size] = picture.noise * _spread(picture.values, uv[of_size], int(size))
+        noise = picture.noise * _spread(picture.values, uv[of_size], int(size))
+        std[of_size] = np.hypot(noise, _SYSTEMATIC_PX / np.sqrt(size))
     return std
 
 

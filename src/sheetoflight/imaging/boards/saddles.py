@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-import cv2
 import numpy as np
+from scipy.ndimage import map_coordinates
 
 from sheetoflight.geometry.directions import Array
 from sheetoflight.imaging.markers.grey import GreyPicture, Picture
@@ -35,6 +35,20 @@ def saddles(picture: GreyPicture, uv: Array, a: Array, b: Array) -> Array:
     return saddle / np.maximum(np.ptp(values, axis=0), least)
 
 
+def middle_excess(picture: GreyPicture, uv: Array, a: Array, b: Array) -> Array:
+    """Brightness ``(...)`` of each corner itself, above the mean of its darkest and brightest
+    quarter, as a share of their difference: near 0 at a corner, 0.5 and more under a line of light.
+
+    Parameters as of `saddles`.
+    """
+    quarters = np.stack(
+        [_brightness(picture.values, uv, i * a, j * b) for i in (1, -1) for j in (1, -1)]
+    )
+    low, high = quarters.min(axis=0), quarters.max(axis=0)
+    least = _LEAST_CONTRAST_IN_NOISE * picture.noise
+    return (read_at(picture.values, uv) - (low + high) / 2) / np.maximum(high - low, least)
+
+
 def alternating(saddle: Array) -> Array:
     """Saddles ``(rows, columns)`` with every other one's sign turned, as a chessboard's are."""
     row, column = np.indices(saddle.shape)
@@ -49,8 +63,4 @@ def _brightness(values: Picture, uv: Array, a: Array, b: Array) -> Array:
 
 def read_at(values: Picture, uv: Array) -> Array:
     """Grey values at image points ``(..., 2)``, between pixels by linear interpolation."""
-    flat = uv.reshape(-1, 1, 2).astype(np.float32)
-    read = cv2.remap(
-        values, flat[..., 0], flat[..., 1], cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE
-    )
-    return np.asarray(read, dtype=float).reshape(uv.shape[:-1])
+    return map_coordinates(values, [uv[..., 1], uv[..., 0]], float, order=1, mode="nearest")

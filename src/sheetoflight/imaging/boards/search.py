@@ -13,9 +13,9 @@ from sheetoflight.geometry.directions import Array
 from sheetoflight.imaging.boards.charuco import find_charuco
 from sheetoflight.imaging.boards.chessboard import find_chessboard
 from sheetoflight.imaging.boards.circles import find_circles
-from sheetoflight.imaging.boards.homography import on_grid, plane_to_picture
-from sheetoflight.imaging.boards.laser_touch import touched
+from sheetoflight.imaging.boards.homography import plane_to_picture
 from sheetoflight.imaging.boards.sighting import BoardSearch, BoardSighting, FoundPoints
+from sheetoflight.imaging.boards.symmetry import asymmetry, disturbed, disturbed_std
 from sheetoflight.imaging.markers.grey import GreyPicture, grey_picture
 from sheetoflight.model.board import BoardKind, PlanarBoard
 
@@ -26,14 +26,6 @@ _FINDERS: dict[BoardKind, Callable[[GreyPicture, PlanarBoard], FoundPoints | str
 }
 _FEWEST = 8
 """Points; a plane's view leaves its homography eight numbers, that is four points."""
-
-_SYSTEMATIC_PX = 0.02
-"""What is left of a point's error in a picture without noise; pixels are sums over squares."""
-
-_DISTURBED = 5.0
-"""How much worse a corner is that the laser line shines on: measured on photographs of a line
-across a board, by what a smooth map through the other corners says."""
-
 
 def find_board(
     picture: NDArray[Any], board: PlanarBoard, picture_on: NDArray[Any] | None = None
@@ -48,11 +40,11 @@ def find_board(
     ----------
     picture : (H, W) or (H, W, 3) array
         uint8, uint16 or floating point; colour in OpenCV's order BGR. Of a pair the one with the
-        laser off; otherwise the only one, the laser line across the board or not.
+        laser off; otherwise the only one, the laser line across the board or not. Points that
+        the line, a reflection or a finger disturbs are taken as not seen.
     board : PlanarBoard
     picture_on : array of the same shape, optional
-        The same view with the laser on. Where it is given, `picture` holds no laser line;
-        otherwise points that the line shines on are taken as not seen.
+        The same view with the laser on, looked into where the other does not show the board.
 
     Returns
     -------
@@ -64,41 +56,48 @@ def find_board(
     InputError
         If the image is no picture, or the pair's two are not of the same size.
     """
-    grey = grey_picture(picture)
     if picture_on is not None and np.shape(picture_on)[:2] != np.shape(picture)[:2]:
         raise InputError(
             f"the pictures with the laser off and on have shapes {np.shape(picture)} and "
             f"{np.shape(picture_on)}",
             "give two of the same camera",
         )
-    found = _FINDERS[board.kind](grey, board)
+    search = _searched(grey_picture(picture), board)
+    if search.sighting is None and picture_on is not None:
+        lit = _searched(grey_picture(picture_on), board)
+        return search if lit.sighting is None else lit
+    return search
+
+
+def _searched(picture: GreyPicture, board: PlanarBoard) -> BoardSearch:
+    found = _FINDERS[board.kind](picture, board)
     if isinstance(found, str):
         return BoardSearch(None, found)
-    matrix = plane_to_picture(board, found.uv)
-    if matrix is None or _seen(found.uv) < _fewest(board):
+    if plane_to_picture(board, found.uv) is None or _seen(found.uv) < _fewest(board):
         return BoardSearch(None, _too_few(found.uv, board))
-    std = np.hypot(found.std, _SYSTEMATIC_PX)
-    lit = np.zeros(len(std), dtype=bool)
-    if picture_on is None:
-        lit = touched(np.asarray(picture), on_grid(matrix, board), found.uv, found.reach)
-    return _outcome(found.uv, std, lit, board)
+    return _outcome(picture, found, board)
 
 
-def _outcome(uv: Array, std: Array, lit: NDArray[np.bool_], board: PlanarBoard) -> BoardSearch:
-    dark = np.where(lit[:, None], np.nan, uv)
-    if not lit.any():
+def _outcome(picture: GreyPicture, found: FoundPoints, board: PlanarBoard) -> BoardSearch:
+    uv, std = found.uv, found.std
+    share = asymmetry(picture.values, uv, np.ceil(found.reach).astype(np.int64))
+    bad = disturbed(share)
+    if not bad.any():
         return _sighting(uv, std, f"{_seen(uv)} of {len(uv)} points found")
-    if _seen(dark) >= _fewest(board) and _spread(dark, board):
+    clear = np.where(bad[:, None], np.nan, uv)
+    if _seen(clear) >= _fewest(board) and _spread(clear, board):
         return _sighting(
-            dark,
-            np.where(lit, np.nan, std),
-            f"{_seen(dark)} of {len(uv)} points found, {lit.sum()} more lie under the laser line",
+            clear,
+            np.where(bad, np.nan, std),
+            f"{_seen(clear)} of {len(uv)} points found; {bad.sum()} more are left out: a line of "
+            "light, a reflection or dirt lies beside them",
         )
     return _sighting(
         uv,
-        np.where(lit, _DISTURBED * std, std),
-        f"{_seen(uv)} of {len(uv)} points found; {lit.sum()} under the laser line are kept as less "
-        "certain, as there are too few others – a picture with the laser off would serve better",
+        np.where(bad, disturbed_std(std, share, found.reach), std),
+        f"{_seen(uv)} of {len(uv)} points found; {bad.sum()} beside a line of light, a reflection "
+        "or dirt are kept as less certain, as there are too few others – a picture with the laser "
+        "off would serve better",
     )
 
 

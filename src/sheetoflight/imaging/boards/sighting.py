@@ -59,7 +59,7 @@ class BoardSearch:
 
 @dataclass(frozen=True, eq=False)
 class FoundPoints:
-    """A board's points before the laser's light is looked at.
+    """A board's points, those that light or dirt disturbs among them.
 
     Parameters
     ----------

@@ -83,8 +83,8 @@ def target_band(axis: TargetAxis, shape: tuple[int, ...]) -> Band:
     reach = np.ceil(_BEYOND_AXIS * axis.half_height.max())
     a, n = np.arange(np.ceil(low), high + 1e-9), np.arange(-reach, reach + 1)
     uv = axis.uv(*np.meshgrid(a, n))
-    inside = ((uv >= 0) & (uv <= np.array(shape[1::-1]) - 1.0)).all(axis=-1)
-    return Band(axis, a, n, inside)
+    inside = (uv >= 0) & (uv <= np.array(shape[1::-1]) - 1.0)
+    return Band(axis, a, n, np.asarray(inside.all(axis=-1)))
 
 
 def ground(band: Band, values: Array) -> Array:
@@ -127,14 +127,6 @@ def paper(band: Band, grey: Array, kind: MarkerKind) -> NDArray[np.bool_]:
     return band.inside & ~near_dark & _within_edges(band, unlike)
 
 
-def without_lit_ink(plain: NDArray[np.bool_], line_px: float) -> NDArray[np.bool_]:
-    """Plain paper, less what lies between ink: under a bright line ink may look like paper."""
-    size = int(np.ceil(line_px)) | 1
-    kernel = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (size, size))
-    closed = cv2.morphologyEx((~plain).astype(np.uint8), cv2.MORPH_CLOSE, kernel)
-    return plain & (np.asarray(closed) == 0)
-
-
 def _discs(band: Band) -> NDArray[np.bool_]:
     """The markers' discs, as far as their shear is unknown a little larger."""
     axis, inside = band.axis, np.zeros((len(band.n), len(band.a)), bool)
@@ -157,7 +149,7 @@ def _within_edges(band: Band, unlike: NDArray[np.bool_]) -> NDArray[np.bool_]:
     return (n <= above - _MARGIN_PX) & (n >= _MARGIN_PX - below)
 
 
-def _edge(band: Band, unlike: NDArray[np.bool_], clear: Array, own: Array) -> Array:
+def _edge(band: Band, unlike: NDArray[np.bool_], clear: NDArray[np.intp], own: Array) -> Array:
     """How far the strip reaches ``(S,)`` towards growing n, in px; at least ``own``."""
     beyond = unlike[:, clear] & (band.n[:, None] > own[clear] - 1.0)
     first = band.n[np.argmax(beyond, axis=0)]

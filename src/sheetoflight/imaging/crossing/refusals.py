@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from sheetoflight.imaging.crossing.fit import AMPLITUDE, WIDTH, StraightLine
+from sheetoflight.imaging.crossing.fit import AMPLITUDE, TILT, WIDTH, StraightLine
 from sheetoflight.imaging.crossing.outcome import NoSpotError, SpotOptions, SpotSighting
 from sheetoflight.imaging.crossing.search import RoughLine
 from sheetoflight.imaging.crossing.strip import Strip
@@ -16,6 +16,7 @@ _CLEAR_WIDTHS = 6.0
 _LEAST_EDGE_PLACES = 40
 _SIGNIFICANT = 5.0
 _FEWEST_ROWS = 4
+_LIT_WIDTHS = 2.0
 _PLANE = "the target lies in the sheet: that is a picture for stage plane"
 
 
@@ -65,7 +66,7 @@ def refuse_moved(strip: Strip, rough: RoughLine, options: SpotOptions) -> None:
         return
     off = strip.band.read(strip.light.background)
     slopes = np.gradient(off)
-    steep = np.hypot(*slopes)
+    steep = np.hypot(slopes[0], slopes[1])
     a, n = np.meshgrid(strip.band.a, strip.band.n)
     clear = np.abs(rough.distance(a, n)) > _CLEAR_WIDTHS * rough.width + 3.0
     clear &= strip.band.inside & strip.band.on_target
@@ -101,6 +102,21 @@ def refuse_second(
         f"two lines cross the target's strip, at {places}; one may be a reflection, or of another "
         "laser: cover it, and take one picture for each laser"
     )
+
+
+def refuse_hidden_marker(strip: Strip, line: StraightLine) -> None:
+    """In a single picture the line's light in a marker displaces what is taken for its centre."""
+    axis = strip.axis
+    tilt, width = line.values[TILT], line.values[WIDTH]
+    reach = np.hypot(axis.half_length * np.cos(tilt), axis.half_height * np.sin(tilt))
+    away = np.abs(line.rough.distance(axis.markers, np.zeros(len(axis.markers))))
+    hidden = np.flatnonzero(away < reach + _LIT_WIDTHS * width)
+    if len(hidden):
+        raise NoSpotError(
+            f"the laser's line runs through marker {hidden[0]} and moves what is seen of its "
+            "centre; take a picture with the laser off too (NAME_off, NAME_on), or let the sheet "
+            "cross the target between markers"
+        )
 
 
 def refuse_short(
@@ -157,9 +173,12 @@ def refuse_uncertain(spot: SpotSighting, options: SpotOptions) -> None:
 def refuse_off_target(strip: Strip, spot: SpotSighting) -> None:
     """The line meets the axis beyond the strip's ends, or the picture's border."""
     a, _ = strip.axis.coordinates(spot.uv)
-    if not strip.band.a[0] <= a <= strip.band.a[-1]:
+    last = np.array(strip.light.picture.shape[1::-1]) - 1
+    seen = bool((spot.uv >= 0).all() and (spot.uv <= last).all())
+    if not (seen and strip.band.a[0] <= a <= strip.band.a[-1]):
         raise NoSpotError(
-            f"the laser's line meets the target's axis at {listed(spot.uv[None])}, beyond its end"
+            f"the laser's line meets the target's axis at {listed(spot.uv[None])}, beyond its end "
+            "or the picture's border"
         )
 
 

@@ -68,14 +68,15 @@ def brightest_line(
         return None
     rows, n = seen[used], band.n[used]
     bright = gaussian_filter(np.where(rows, light[used], 0.0), _SMOOTHING_PX)
-    share = gaussian_filter(rows.astype(float), _SMOOTHING_PX)
+    bright = np.where(rows, bright, 0.0)
+    share = np.where(rows, gaussian_filter(rows.astype(float), _SMOOTHING_PX), 0.0)
     reach = np.abs(n).max()
     # From one direction to the next the line's ends move by half a pixel.
     count = int(np.ceil(2 * _STEEPEST_RAD * reach / _HALF)) | 1
     best, found = 0.0, None
     for tilt in np.linspace(-_STEEPEST_RAD, _STEEPEST_RAD, count):
         shift = np.rint(n * np.tan(tilt)).astype(int)
-        total, number = _sheared(np.where(rows, bright, 0.0), shift), _sheared(rows * share, shift)
+        total, number = _sheared(bright, shift), _sheared(share, shift)
         enough = number >= max(_LEAST_SUMMED, 0.2 * len(n))
         score = np.where(enough, total / np.sqrt(np.maximum(number, 1.0)), 0.0)
         column = int(np.argmax(score))

@@ -9,7 +9,6 @@ from numpy.typing import NDArray
 
 from sheetoflight.imaging.crossing import refusals
 from sheetoflight.imaging.crossing.axis import TargetAxis
-from sheetoflight.imaging.crossing.band import without_lit_ink
 from sheetoflight.imaging.crossing.fit import StraightLine, fitted_line_of_light
 from sheetoflight.imaging.crossing.outcome import (
     NoSpotError,
@@ -76,11 +75,12 @@ def _found(strip: Strip, pair: bool, options: SpotOptions) -> SpotSighting:
     refusals.refuse_faint(strip, rough, pair, options)
     assert rough is not None  # else refused as faint
     refusals.refuse_moved(strip, rough, options)
-    plain = strip.paper if pair else without_lit_ink(strip.paper, _LIT_WIDTHS * rough.width)
-    line = refusals.refuse_short(strip, _measured(strip, rough, plain), rough, options)
+    line = refusals.refuse_short(strip, _measured(strip, rough), rough, options)
     spot = _crossing(strip.axis, line)
     refusals.refuse_oblique(spot, options)
     refusals.refuse_unlike_line(strip, line, options)
+    if not pair:
+        refusals.refuse_hidden_marker(strip, line)
     refusals.refuse_second(strip, line, _brightest(strip, _beside(strip, line)), options)
     refusals.refuse_off_target(strip, spot)
     refusals.refuse_uncertain(spot, options)
@@ -91,11 +91,11 @@ def _brightest(strip: Strip, where: NDArray[np.bool_]) -> RoughLine | None:
     return brightest_line(strip.band, strip.laser, where, strip.light.noise_std)
 
 
-def _measured(strip: Strip, rough: RoughLine, plain: NDArray[np.bool_]) -> StraightLine | None:
+def _measured(strip: Strip, rough: RoughLine) -> StraightLine | None:
     """The line by two fits, the second to the pixels about what the first has found."""
     line, noise = None, strip.light.noise_std
     for _ in range(2):
-        pixels = strip.pixels(rough, plain, _FITTED_WIDTHS * rough.width + _FITTED_PX)
+        pixels = strip.pixels(rough, _FITTED_WIDTHS * rough.width + _FITTED_PX)
         if len(pixels) < _FEWEST_PIXELS:
             return None
         line = fitted_line_of_light(pixels, rough, noise, strip.light.least_std)

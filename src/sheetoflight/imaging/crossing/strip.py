@@ -37,7 +37,8 @@ class Strip:
     laser : (K, S) array
         The light in the band, less what the bare strip shows and what runs along it.
     along : (K,) array
-        What runs along the strip: the light that all of a row shows; NaN where it shows little paper.
+        What runs along the strip: the light that all of a row shows; NaN where it shows
+        little paper.
     """
 
     band: Band
@@ -51,7 +52,7 @@ class Strip:
         """The target's axis."""
         return self.band.axis
 
-    def pixels(self, line: RoughLine, plain: NDArray[np.bool_], reach: float) -> Pixels:
+    def pixels(self, line: RoughLine, reach: float) -> Pixels:
         """The picture's own pixels on plain paper within a distance of a line, px."""
         corners = self.axis.uv(self.band.a[[0, 0, -1, -1]], self.band.n[[0, -1, 0, -1]])
         height, width = self.light.picture.shape
@@ -60,7 +61,7 @@ class Strip:
         u, v = np.meshgrid(np.arange(low[0], high[0]), np.arange(low[1], high[1]))
         a, n = self.axis.coordinates(np.stack([u, v], axis=-1))
         near = np.abs(line.distance(a, n)) < reach
-        near[near] = self.band.at(plain, a[near], n[near])
+        near[near] = self.band.at(self.paper, a[near], n[near])
         u, v = u[near], v[near]
         return Pixels(
             a[near], n[near], self.light.picture[v, u].astype(float), self.light.full[v, u]

@@ -12,6 +12,7 @@ from sheetoflight.io.exchange.exchanged import Exchanged
 from sheetoflight.io.exchange.formats import (
     EXCHANGE_FORMATS,
     exchange_format,
+    is_calibration,
     read_exchange,
     write_exchange,
 )
@@ -20,6 +21,7 @@ __all__ = [
     "EXCHANGE_FORMATS",
     "Exchanged",
     "exchange_format",
+    "is_calibration",
     "read_bouguet_corners",
     "read_exchange",
     "write_exchange",

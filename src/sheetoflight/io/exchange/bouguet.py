@@ -7,17 +7,18 @@ first one.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 
 from sheetoflight.errors import InputError
 from sheetoflight.geometry.directions import Array
-from sheetoflight.io.exchange.exchanged import Exchanged, lost_uncertainty
-from sheetoflight.io.exchange.mat_file import mat_bytes, mat_variables, real_numbers
+from sheetoflight.io.exchange.exchanged import Exchanged, Source, lost_uncertainty
+from sheetoflight.io.exchange.mat_reading import Value, mat_variables, real_numbers
+from sheetoflight.io.exchange.mat_writing import mat_bytes
 from sheetoflight.io.exchange.values import brown, camera_of, counted_numbers, image_size
 from sheetoflight.io.reading import naming
-from sheetoflight.model.calibration import Calibration
 from sheetoflight.model.light_plane import LightPlane
 
 ENDINGS = (".mat",)
@@ -61,11 +62,9 @@ def read(data: bytes, size: tuple[int, int] | None) -> Exchanged:
     )
 
 
-def written(calibration: Calibration) -> tuple[bytes, tuple[str, ...]]:
+def written(source: Source) -> tuple[bytes, tuple[str, ...]]:
     """A calibration as ``Calib_Results.mat``, and what is lost."""
-    camera, planes = calibration.camera, calibration.light_planes
-    names = np.empty((1, len(planes)), dtype=object)
-    names[0, :] = [plane.name for plane in planes]
+    camera = source.camera
     variables = {
         "fc": np.array([[camera.alpha], [camera.beta]]),
         "cc": np.array([[camera.u0], [camera.v0]]),
@@ -74,18 +73,24 @@ def written(calibration: Calibration) -> tuple[bytes, tuple[str, ...]]:
         "nx": float(camera.image_size[0]),
         "ny": float(camera.image_size[1]),
         "KK": camera.matrix,
-        "light_plane_names": names,
-        "light_plane_normals": np.stack([plane.normal for plane in planes], axis=1),
-        "light_plane_distances_mm": np.array([[plane.distance_mm for plane in planes]]),
+        **(_plane_variables(source.light_planes) if source.light_planes else {}),
     }
-    return mat_bytes(variables), lost_uncertainty(calibration)
+    return mat_bytes(variables), lost_uncertainty(source)
 
 
-def _vector(found: dict[str, Any], name: str, count: int) -> Array:
+def _plane_variables(planes: Sequence[LightPlane]) -> dict[str, Any]:
+    names = np.empty((1, len(planes)), dtype=object)
+    names[0, :] = [plane.name for plane in planes]
+    normals = np.stack([plane.normal for plane in planes], axis=1)
+    distances = np.array([[plane.distance_mm for plane in planes]])
+    return dict(zip(_PLANES, (names, normals, distances), strict=True))
+
+
+def _vector(found: dict[str, Value], name: str, count: int) -> Array:
     return counted_numbers(real_numbers(found, name).ravel().tolist(), name, count)
 
 
-def _size(found: dict[str, Any], given: tuple[int, int] | None) -> tuple[int, int]:
+def _size(found: dict[str, Value], given: tuple[int, int] | None) -> tuple[int, int]:
     if "nx" not in found or "ny" not in found:
         if given is None:
             raise InputError("nx and ny are not in it", "give image_size, in px")
@@ -97,7 +102,7 @@ def _size(found: dict[str, Any], given: tuple[int, int] | None) -> tuple[int, in
     return size
 
 
-def _light_planes(found: dict[str, Any]) -> tuple[LightPlane, ...]:
+def _light_planes(found: dict[str, Value]) -> tuple[LightPlane, ...]:
     if not all(name in found for name in _PLANES):
         return ()
     names = _names(found["light_plane_names"])
@@ -115,12 +120,9 @@ def _light_planes(found: dict[str, Any]) -> tuple[LightPlane, ...]:
         )
 
 
-def _names(cells: object) -> list[str]:
-    """Texts of a cell array, each wrapped in an array by SciPy."""
-    entries = np.asarray(cells).ravel().tolist()
-    names = [str(np.asarray(entry).ravel()[0]) if np.size(entry) else "" for entry in entries]
-    if not names or not all(names) or len(set(names)) < len(names):
+def _names(cells: Value) -> list[str]:
+    if not isinstance(cells, list) or not all(cells) or len(set(cells)) < len(cells):
         raise InputError(
-            "light_plane_names are missing, empty or the same", "give each a name of its own"
+            "light_plane_names are no texts, empty or the same", "give each a name of its own"
         )
-    return names
+    return cells

@@ -9,14 +9,20 @@ from __future__ import annotations
 
 import re
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
 from sheetoflight.errors import InputError
 from sheetoflight.geometry.directions import Array
-from sheetoflight.io.exchange.mat_file import LIMIT_BYTES, mat_shapes, mat_variables, real_numbers
-from sheetoflight.io.reading import naming, read_bytes
+from sheetoflight.io.exchange.mat_reading import (
+    LIMIT_BYTES,
+    Value,
+    mat_names,
+    mat_variables,
+    real_numbers,
+)
+from sheetoflight.io.exchange.values import named
+from sheetoflight.io.reading import read_bytes
 from sheetoflight.model.board_views import BoardViews
 
 _SAME_MM = 1e-6
@@ -46,12 +52,12 @@ def read_bouguet_corners(path: str | Path) -> tuple[Array, BoardViews]:
         If it holds no corners, or those of a view do not agree with its board points.
     """
     data = read_bytes(path, LIMIT_BYTES)
-    with naming(path):
-        shapes = mat_shapes(data)
+    with named(path):
+        there = set(mat_names(data))
         numbers = sorted(
             int(name[2:])
-            for name in shapes
-            if re.fullmatch(r"x_[1-9][0-9]{0,5}", name) and f"X_{name[2:]}" in shapes
+            for name in there
+            if re.fullmatch(r"x_[1-9][0-9]{0,5}", name) and f"X_{name[2:]}" in there
         )
         names = [f"{letter}_{k}" for k in numbers for letter in ("x", "X")]
         found = mat_variables(data, [*names, "active_images"])
@@ -60,7 +66,7 @@ def read_bouguet_corners(path: str | Path) -> tuple[Array, BoardViews]:
         return _joined({k: view for k, view in views.items() if len(view[0])})
 
 
-def _active(found: dict[str, Any]) -> dict[int, bool]:
+def _active(found: dict[str, Value]) -> dict[int, bool]:
     """Whether each view was switched on, by its number, for those of which it is said."""
     if "active_images" not in found:
         return {}
@@ -68,7 +74,7 @@ def _active(found: dict[str, Any]) -> dict[int, bool]:
     return {k: bool(flag) for k, flag in enumerate(flags.tolist(), 1)}
 
 
-def _view(found: dict[str, Any], k: int) -> tuple[Array, Array]:
+def _view(found: dict[str, Value], k: int) -> tuple[Array, Array]:
     """Image points ``(n, 2)`` and board points ``(n, 3)`` of a view; none where it has none."""
     uv, points = real_numbers(found, f"x_{k}"), real_numbers(found, f"X_{k}")
     if not np.isfinite(uv).any():

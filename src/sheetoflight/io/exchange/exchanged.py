@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from sheetoflight.errors import InputError
+from sheetoflight.io.exchange.lens_fit import picture_grid
 from sheetoflight.model.calibration import Calibration, Residuals
 from sheetoflight.model.camera import Camera
 from sheetoflight.model.covariance import Covariance
@@ -71,17 +72,30 @@ class Exchanged:
         )
 
 
-def lost_uncertainty(calibration: Calibration) -> tuple[str, ...]:
+Source = Calibration | Exchanged
+"""What can be written: both have a camera and light planes, an exchanged one perhaps none."""
+
+
+def with_lens_checked(exchanged: Exchanged) -> Exchanged:
+    """The same, with a note where the distortion has no inverse in a part of the picture."""
+    rays = exchanged.camera.unproject(picture_grid(exchanged.camera.image_size))
+    if np.isfinite(rays).all():
+        return exchanged
+    note = "its distortion has no inverse in a part of the picture: no point is had there"
+    return replace(exchanged, notes=(*exchanged.notes, note))
+
+
+def lost_uncertainty(source: Source) -> tuple[str, ...]:
     """The note that the covariance has no place in a file; none where there is no covariance."""
-    known = bool(calibration.covariance.parameters)
+    known = isinstance(source, Calibration) and bool(source.covariance.parameters)
     return ("the uncertainties of camera and light plane have no place in it",) if known else ()
 
 
-def lost_planes(calibration: Calibration) -> tuple[str, ...]:
-    """The note that light planes have no place in a file."""
-    count = len(calibration.light_planes)
+def lost_planes(source: Source) -> tuple[str, ...]:
+    """The note that light planes have no place in a file; none where there is no plane."""
+    count = len(source.light_planes)
     planes = "the light plane has" if count == 1 else f"the {count} light planes have"
-    return (f"{planes} no place in it",)
+    return (f"{planes} no place in it",) if count else ()
 
 
 def skew_lost_px(camera: Camera) -> float:

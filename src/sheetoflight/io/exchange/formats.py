@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-import json
-from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager
+import re
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from types import ModuleType
@@ -13,21 +12,22 @@ from typing import Any
 from sheetoflight.errors import InputError
 from sheetoflight.io.atomic import write_whole
 from sheetoflight.io.documents import read_json
-from sheetoflight.io.exchange import bouguet, halcon, kalibr, mat_file, opencv, ros
-from sheetoflight.io.exchange.exchanged import Exchanged
+from sheetoflight.io.exchange import bouguet, halcon, kalibr, mat_reading, opencv, ros
+from sheetoflight.io.exchange.exchanged import Exchanged, Source, with_lens_checked
 from sheetoflight.io.exchange.foreign_xml import xml_document
 from sheetoflight.io.exchange.foreign_yaml import yaml_document
 from sheetoflight.io.exchange.halcon import PIXEL_UM
+from sheetoflight.io.exchange.values import named
 from sheetoflight.io.quoting import file_name, one_line, shown
-from sheetoflight.io.reading import naming, read_bytes, read_text
-from sheetoflight.model.calibration import Calibration
+from sheetoflight.io.reading import TEXT_LIMIT_BYTES, naming, read_bytes, read_text
 
 _TEXT_LIMIT_BYTES = 1024 * 1024
 """A camera's parameters take some kilobytes; OpenCV's files may hold image points beside them."""
 
 _OURS = "sheetoflight.calibration"
+_OWN_FORMAT = re.compile(rb'"format"\s*:\s*"sheetoflight\.calibration"')
 
-_Writer = Callable[[Calibration, str, float], tuple[str | bytes, tuple[str, ...]]]
+_Writer = Callable[[Source, str, float], tuple[str | bytes, tuple[str, ...]]]
 
 
 @dataclass(frozen=True)
@@ -41,27 +41,27 @@ _FORMATS: dict[str, _Format] = {
     "opencv": _Format(
         opencv.ENDINGS,
         "camera_matrix of OpenCV",
-        lambda calibration, ending, _: opencv.written(calibration, ending),
+        lambda source, ending, _: opencv.written(source, ending),
     ),
     "ros": _Format(
         ros.ENDINGS,
         "camera_matrix, distortion_model and projection_matrix of ROS",
-        lambda calibration, *_: ros.written(calibration),
+        lambda source, *_: ros.written(source),
     ),
     "kalibr": _Format(
         kalibr.ENDINGS,
         "cam0 with camera_model of Kalibr",
-        lambda calibration, *_: kalibr.written(calibration),
+        lambda source, *_: kalibr.written(source),
     ),
     "halcon": _Format(
         halcon.ENDINGS,
         "Focus, Sx, Sy … of HALCON",
-        lambda calibration, _, pixel_um: halcon.written(calibration, pixel_um),
+        lambda source, _, pixel_um: halcon.written(source, pixel_um),
     ),
     "bouguet": _Format(
         bouguet.ENDINGS,
         "a MATLAB file with fc and cc of Bouguet's toolbox",
-        lambda calibration, *_: bouguet.written(calibration),
+        lambda source, *_: bouguet.written(source),
     ),
 }
 
@@ -126,35 +126,35 @@ def read_exchange(
         If no format is recognised, a value is missing or wrong, or the lens model is another;
         file and key are named.
     """
-    data = read_bytes(path, mat_file.LIMIT_BYTES)
-    if pose is not None and (data.startswith(mat_file.MAGIC) or not _is_halcon(path, data)):
+    data = read_bytes(path, mat_reading.LIMIT_BYTES)
+    if pose is not None and (data.startswith(mat_reading.MAGIC) or not _is_halcon(path, data)):
         raise InputError(
             f"{file_name(path)} is no HALCON file, and a pose file was given", "leave it out"
         )
-    if data.startswith(mat_file.MAGIC):
+    if data.startswith(mat_reading.MAGIC):
         _refuse_choice(path, camera)
-        with _named(path):
-            return bouguet.read(data, image_size)
+        with named(path):
+            return with_lens_checked(bouguet.read(data, image_size))
     text = read_text(path, _TEXT_LIMIT_BYTES)
     if halcon.recognises(text):
         _refuse_choice(path, camera)
-        with _named(path):
+        with named(path):
             return halcon.read(text, image_size, pose)
-    with _named(path):
+    with named(path):
         document = _document(path, text)
-        return _recognised(document).read(document, image_size, camera)
+        return with_lens_checked(_recognised(document).read(document, image_size, camera))
 
 
 def write_exchange(
-    path: str | Path, calibration: Calibration, to: str, *, pixel_um: float = PIXEL_UM
+    path: str | Path, source: Source, to: str, *, pixel_um: float = PIXEL_UM
 ) -> tuple[str, ...]:
-    """Write a calibration for another tool, whole or not at all.
+    """Write camera and light planes for another tool, whole or not at all.
 
     Parameters
     ----------
     path : str or Path
         For ``opencv`` the ending chooses YAML (.yml, .yaml), XML or JSON.
-    calibration : Calibration
+    source : Calibration or Exchanged
     to : str
         One of `EXCHANGE_FORMATS`.
     pixel_um : float
@@ -175,9 +175,20 @@ def write_exchange(
     if to not in _FORMATS:
         raise InputError(f"there is no format {shown(to)}", f"choose {', '.join(EXCHANGE_FORMATS)}")
     with naming(path):
-        content, notes = _FORMATS[to].write(calibration, Path(path).suffix.lower(), pixel_um)
+        content, notes = _FORMATS[to].write(source, Path(path).suffix.lower(), pixel_um)
     write_whole(path, content)
     return notes
+
+
+def is_calibration(path: str | Path) -> bool:
+    """Whether a file is a ``calibration.json`` of this package.
+
+    Raises
+    ------
+    FileError
+        If it cannot be read.
+    """
+    return bool(_OWN_FORMAT.search(read_bytes(path, TEXT_LIMIT_BYTES)))
 
 
 def _is_halcon(path: str | Path, data: bytes) -> bool:
@@ -196,8 +207,8 @@ def _document(path: str | Path, text: str) -> Mapping[str, Any]:
 
 
 def _is_json(text: str) -> bool:
-    """Whether a text in braces is JSON as far as its first key: YAML has braces too."""
-    return json.dumps(text.lstrip()[1:].lstrip()[:1]) in ('"\\""', '"}"', '""')
+    """Whether a text in braces goes on as JSON must: YAML has braces too."""
+    return text.lstrip()[1:].lstrip()[:1] in ('"', "}", "")
 
 
 def _recognised(document: Mapping[str, Any]) -> ModuleType:
@@ -222,15 +233,3 @@ def _refuse_choice(path: str | Path, camera: str | None) -> None:
             f"{file_name(path)} holds one camera, and camera {shown(camera)} was asked for",
             "leave the choice out",
         )
-
-
-@contextmanager
-def _named(path: str | Path) -> Iterator[None]:
-    """Put the file's name before what any error from within says, a damaged text's too."""
-    name = file_name(path)
-    try:
-        yield
-    except InputError as error:
-        if error.what.startswith(name):
-            raise
-        raise type(error)(f"{name}: {error.what}", error.remedy) from error

@@ -13,7 +13,7 @@ from collections.abc import Mapping
 from pathlib import Path
 
 from sheetoflight.errors import InputError
-from sheetoflight.io.exchange.exchanged import Exchanged, lost_uncertainty, skew_lost_px
+from sheetoflight.io.exchange.exchanged import Exchanged, Source, lost_uncertainty, skew_lost_px
 from sheetoflight.io.exchange.halcon_lens import (
     HalconCamera,
     camera_from_halcon,
@@ -22,7 +22,6 @@ from sheetoflight.io.exchange.halcon_lens import (
 from sheetoflight.io.exchange.halcon_pose import light_plane_of, pose_numbers, pose_of, read_pose
 from sheetoflight.io.exchange.values import image_size, number
 from sheetoflight.io.quoting import one_line, shown
-from sheetoflight.model.calibration import Calibration
 from sheetoflight.model.light_plane import LightPlane
 
 ENDINGS = (".dat",)
@@ -102,7 +101,7 @@ def read(text: str, size: tuple[int, int] | None, pose: str | Path | None) -> Ex
     return Exchanged(camera=camera, light_planes=planes, format="halcon", notes=notes)
 
 
-def written(calibration: Calibration, pixel_um: float = PIXEL_UM) -> tuple[str, tuple[str, ...]]:
+def written(source: Source, pixel_um: float = PIXEL_UM) -> tuple[str, tuple[str, ...]]:
     """A calibration as ``write_cam_par`` would write it, and what is lost or assumed.
 
     Raises
@@ -110,23 +109,20 @@ def written(calibration: Calibration, pixel_um: float = PIXEL_UM) -> tuple[str, 
     InputError
         If neither of HALCON's lens models comes within 0.5 px of the camera.
     """
-    halcon, misfit = halcon_from_camera(calibration.camera, pixel_um)
+    halcon, misfit = halcon_from_camera(source.camera, pixel_um)
     notes = (f"Sx was taken as {pixel_um:g} µm: only Focus/Sx is known",)
     if any(halcon.coefficients):
         model = "division" if len(halcon.coefficients) == 1 else "polynomial"
-        notes += (
-            f"distortion by HALCON's {model} model: largest difference {misfit:.2g} px",
-            "the light planes stand in comments, as poses",
-        )
-    else:
+        notes += (f"distortion by HALCON's {model} model: largest difference {misfit:.2g} px",)
+    if source.light_planes:
         notes += ("the light planes stand in comments, as poses",)
-    if calibration.camera.gamma:
-        skew = skew_lost_px(calibration.camera)
+    if source.camera.gamma:
+        skew = skew_lost_px(source.camera)
         notes += (f"the skew, up to {skew:.3g} px, has no place in it",)
-    planes = [_plane_line(plane) for plane in calibration.light_planes]
+    planes = [_plane_line(plane) for plane in source.light_planes]
     body = ["# INTERNAL CAMERA PARAMETERS", *planes, "", "ParGroup: Camera: Parameter;"]
     body += ['  "Internal camera parameters";', "", *_parameter_lines(halcon)]
-    return "\n".join(body) + "\n", notes + lost_uncertainty(calibration)
+    return "\n".join(body) + "\n", notes + lost_uncertainty(source)
 
 
 def _parameter_lines(halcon: HalconCamera) -> list[str]:

@@ -15,7 +15,7 @@ and the ray through it ``(ũ, ṽ, Focus)``. Solved for u, the first is
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -142,6 +142,8 @@ def halcon_from_camera(camera: Camera, pixel_um: float) -> tuple[HalconCamera, f
     """
     if not (np.isfinite(pixel_um) and pixel_um > 0):
         raise InputError(f"pixel_um is {pixel_um}", "give the width of a pixel in µm")
+    if not (camera.distorts or camera.gamma):
+        return _pinhole(camera, pixel_um, 1), 0.0
     rays = rays_over_picture(camera)
     halcon, misfit = _closest(camera, rays, pixel_um, 1)
     if not misfit <= _GOOD_PX:
@@ -150,17 +152,22 @@ def halcon_from_camera(camera: Camera, pixel_um: float) -> tuple[HalconCamera, f
     return halcon, misfit_px(camera, halcon.rays_xy())
 
 
+def _pinhole(camera: Camera, pixel_um: float, count: int) -> HalconCamera:
+    """The camera without skew and distortion, with so many coefficients of zero."""
+    sx = pixel_um * _METRES_PER_UM
+    focus = camera.alpha * sx
+    sy = focus / camera.beta
+    return HalconCamera(focus, (0.0,) * count, sx, sy, camera.u0, camera.v0, camera.image_size)
+
+
 def _closest(
     camera: Camera, rays_xy: Array, pixel_um: float, count: int
 ) -> tuple[HalconCamera, float]:
     """The camera with so many coefficients whose rays through the grid project closest to it."""
     from scipy.optimize import least_squares
 
-    sx = pixel_um * _METRES_PER_UM
-    focus = camera.alpha * sx
-    plain = HalconCamera(
-        focus, (0.0,) * count, sx, focus / camera.beta, camera.u0, camera.v0, camera.image_size
-    )
+    plain = _pinhole(camera, pixel_um, count)
+    focus = plain.focus
     u, v = plain._on_sensor()
     size = float(np.hypot(u, v).max())
     units = size ** -np.array(_POWERS[count], dtype=float)
@@ -176,16 +183,7 @@ def _closest(
             return plain, np.inf
         found = least_squares(apart, start, xtol=1e-15, ftol=1e-15, gtol=1e-15).x
         misfit = float(np.hypot(*apart(found).reshape(-1, 2).T).max())
-    halcon = HalconCamera(
-        focus,
-        tuple((found * units).tolist()),
-        sx,
-        plain.sy,
-        camera.u0,
-        camera.v0,
-        camera.image_size,
-    )
-    return halcon, misfit
+    return replace(plain, coefficients=tuple((found * units).tolist())), misfit
 
 
 def _linear_start(ideal: Array, u: Array, v: Array, units: Array) -> Array:

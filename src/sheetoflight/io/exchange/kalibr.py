@@ -9,6 +9,7 @@ import numpy as np
 from sheetoflight.errors import InputError
 from sheetoflight.io.exchange.exchanged import (
     Exchanged,
+    Source,
     lost_planes,
     lost_uncertainty,
     skew_lost_px,
@@ -23,7 +24,6 @@ from sheetoflight.io.exchange.values import (
     numbers,
 )
 from sheetoflight.io.quoting import one_line, shown
-from sheetoflight.model.calibration import Calibration
 from sheetoflight.model.camera import Camera
 
 ENDINGS = (".yaml", ".yml")
@@ -75,7 +75,7 @@ def read(document: Document, size: tuple[int, int] | None, chosen: str | None) -
     )
 
 
-def written(calibration: Calibration) -> tuple[str, tuple[str, ...]]:
+def written(source: Source) -> tuple[str, tuple[str, ...]]:
     """A calibration's camera as cam0 of a chain, and what is lost.
 
     ``radtan`` has no k3: where there is one, the other four are fitted over the picture.
@@ -85,7 +85,7 @@ def written(calibration: Calibration) -> tuple[str, tuple[str, ...]]:
     InputError
         If no four coefficients come within 0.5 px of the camera.
     """
-    camera, notes = _four_coefficients(calibration.camera)
+    camera, notes = _four_coefficients(source.camera)
     part = {
         "cam_overlaps": [],
         "camera_model": "pinhole",
@@ -95,7 +95,7 @@ def written(calibration: Calibration) -> tuple[str, tuple[str, ...]]:
         "resolution": list(camera.image_size),
         "rostopic": "/cam0/image_raw",
     }
-    lost = lost_planes(calibration) + lost_uncertainty(calibration)
+    lost = lost_planes(source) + lost_uncertainty(source)
     return yaml_text({"cam0": part}), notes + lost
 
 

@@ -17,12 +17,13 @@ LARGEST_MISFIT_PX = 0.5
 _EXACT_PX = 1e-9
 """Below this a difference of two models is rounding, and no coefficient is fitted to it."""
 
-_STEPS = (33, 25)
+_STEPS = 33
+"""As many each way: a picture and its transpose are then matched alike."""
 
 
 def picture_grid(image_size: tuple[int, int]) -> Array:
     """Image points ``(P, 2)`` over the whole picture, its outermost edges among them, px."""
-    sides = [np.linspace(-0.5, n - 0.5, steps) for n, steps in zip(image_size, _STEPS, strict=True)]
+    sides = [np.linspace(-0.5, n - 0.5, _STEPS) for n in image_size]
     return np.stack(np.meshgrid(*sides), axis=-1).reshape(-1, 2)
 
 

@@ -1,6 +1,6 @@
 """OpenCV's FileStorage in YAML, XML and JSON, and the spellings seen in the wild.
 
-As ``samples/cpp/calibration.cpp`` of OpenCV writes it: ``image_width``, ``image_height``,
+As ``samples/cpp/source.cpp`` of OpenCV writes it: ``image_width``, ``image_height``,
 ``camera_matrix``, ``distortion_coefficients``. Light planes are an entry of our own.
 """
 
@@ -11,8 +11,8 @@ from collections.abc import Iterable, Mapping
 
 import numpy as np
 
-from sheetoflight.errors import InputError
-from sheetoflight.io.exchange.exchanged import Exchanged, lost_uncertainty
+from sheetoflight.errors import FileError, InputError
+from sheetoflight.io.exchange.exchanged import Exchanged, Source, lost_uncertainty
 from sheetoflight.io.exchange.foreign_xml import xml_document
 from sheetoflight.io.exchange.foreign_yaml import yaml_document
 from sheetoflight.io.exchange.values import (
@@ -25,7 +25,6 @@ from sheetoflight.io.exchange.values import (
 )
 from sheetoflight.io.quoting import one_line, shown
 from sheetoflight.io.reading import naming
-from sheetoflight.model.calibration import Calibration
 from sheetoflight.model.light_plane import LightPlane
 
 ENDINGS = (".yml", ".yaml", ".xml", ".json")
@@ -41,6 +40,7 @@ _FISHEYE = {"fisheyemodel", "fisheye"}
 _MODEL = {"distortionmodel", "cameramodel", "model", "lensmodel"}
 _PINHOLE = {"", "pinhole", "plumbbob", "radtan", "brown", "brownconrady", "opencv", "standard"}
 _PLANES = "light_planes"
+_LONGEST_NAME = 200
 
 
 def recognises(document: Document) -> bool:
@@ -86,7 +86,7 @@ def read(document: Document, size: tuple[int, int] | None, chosen: str | None) -
     )
 
 
-def written(calibration: Calibration, ending: str) -> tuple[str, tuple[str, ...]]:
+def written(source: Source, ending: str) -> tuple[str, tuple[str, ...]]:
     """The text that OpenCV's own FileStorage makes of a calibration, and what is lost.
 
     Raises
@@ -98,44 +98,61 @@ def written(calibration: Calibration, ending: str) -> tuple[str, tuple[str, ...]
         raise InputError(
             f"OpenCV writes no '{one_line(ending)}'", f"end the name in {', '.join(ENDINGS)}"
         )
-    text = _stored(calibration, ending)
-    _check_names(calibration, text, ending)
-    notes = lost_uncertainty(calibration)
-    if calibration.camera.gamma:
+    _refuse_unsayable(source)
+    text = _stored(source, ending)
+    _check_names(source, text, ending)
+    notes = lost_uncertainty(source)
+    if source.camera.gamma:
         notes += ("camera_matrix holds the skew, which OpenCV's own functions ignore",)
     return text, notes
 
 
-def _stored(calibration: Calibration, ending: str) -> str:
+def _stored(source: Source, ending: str) -> str:
     import cv2
 
-    camera = calibration.camera
+    camera = source.camera
     storage = cv2.FileStorage(ending, cv2.FileStorage_WRITE | cv2.FileStorage_MEMORY)
     for key, value in zip(("image_width", "image_height"), camera.image_size, strict=True):
         storage.write(key, value)
     storage.write("camera_matrix", camera.matrix)
     storage.write("distortion_coefficients", np.array(camera.distortion).reshape(5, 1))
-    storage.startWriteStruct(_PLANES, cv2.FileNode_SEQ)
-    for plane in calibration.light_planes:
+    if source.light_planes:
+        storage.startWriteStruct(_PLANES, cv2.FileNode_SEQ)
+    for plane in source.light_planes:
         storage.startWriteStruct("", cv2.FileNode_MAP)
         storage.write("name", plane.name)
         storage.write("normal", plane.normal.reshape(3, 1))
         storage.write("distance_mm", plane.distance_mm)
         storage.endWriteStruct()
-    storage.endWriteStruct()
+    if source.light_planes:
+        storage.endWriteStruct()
     return storage.releaseAndGetString()
 
 
-def _check_names(calibration: Calibration, text: str, ending: str) -> None:
-    """OpenCV escapes no quotes and no line ends; a name with them would damage the file."""
-    document = xml_document(text) if ending == ".xml" else yaml_document(text)
-    found = [str(part["name"]) for part in document[_PLANES]]
-    for plane, name in zip(calibration.light_planes, found, strict=True):
+def _refuse_unsayable(source: Source) -> None:
+    """Names at which OpenCV's writer fails."""
+    for plane in source.light_planes:
+        if not plane.name.isprintable() or len(plane.name) > _LONGEST_NAME:
+            _refuse_name(plane)
+
+
+def _check_names(source: Source, text: str, ending: str) -> None:
+    """OpenCV does not quote all that YAML reads in another way; such a name would be lost."""
+    try:
+        document = xml_document(text) if ending == ".xml" else yaml_document(text)
+        found = [part["name"] for part in document.get(_PLANES, [])]
+    except FileError:
+        found = [None] * len(source.light_planes)
+    for plane, name in zip(source.light_planes, found, strict=True):
         if plane.name != name:
-            raise InputError(
-                f"the light plane's name {shown(plane.name)} cannot be said in an OpenCV file",
-                "name the laser with plain letters and digits",
-            )
+            _refuse_name(plane)
+
+
+def _refuse_name(plane: LightPlane) -> None:
+    raise InputError(
+        f"the light plane's name {shown(plane.name)} cannot be said in an OpenCV file",
+        "name the laser with plain letters and digits",
+    )
 
 
 def _plain(key: str) -> str:

@@ -9,7 +9,7 @@ from typing import Any
 import yaml
 
 from sheetoflight.errors import InputError
-from sheetoflight.io.exchange.exchanged import Exchanged, lost_planes, lost_uncertainty
+from sheetoflight.io.exchange.exchanged import Exchanged, Source, lost_planes, lost_uncertainty
 from sheetoflight.io.exchange.values import (
     Document,
     brown,
@@ -20,7 +20,6 @@ from sheetoflight.io.exchange.values import (
     numbers,
 )
 from sheetoflight.io.quoting import shown
-from sheetoflight.model.calibration import Calibration
 from sheetoflight.model.camera import Camera
 
 ENDINGS = (".yaml", ".yml")
@@ -81,9 +80,9 @@ def read(document: Document, size: tuple[int, int] | None, chosen: str | None) -
     )
 
 
-def written(calibration: Calibration) -> tuple[str, tuple[str, ...]]:
+def written(source: Source) -> tuple[str, tuple[str, ...]]:
     """A calibration's camera as CameraInfo YAML, and what is lost."""
-    camera = calibration.camera
+    camera = source.camera
     width, height = camera.image_size
     document = {
         "image_width": width,
@@ -95,7 +94,7 @@ def written(calibration: Calibration) -> tuple[str, tuple[str, ...]]:
         "rectification_matrix": _matrix([1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0], 3),
         "projection_matrix": _matrix(_projection(camera), 4),
     }
-    notes = lost_planes(calibration) + lost_uncertainty(calibration)
+    notes = lost_planes(source) + lost_uncertainty(source)
     if camera.gamma:
         notes += ("camera_matrix holds the skew, which most of ROS ignores",)
     return yaml_text(document), notes

@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from sheetoflight.errors import InputError
 from sheetoflight.geometry.directions import Array
-from sheetoflight.io.quoting import shown
+from sheetoflight.io.quoting import file_name, shown
 from sheetoflight.io.reading import naming
 from sheetoflight.model.camera import Camera
 
@@ -30,6 +32,18 @@ _FURTHER = {
     14: "a tilted sensor",
 }
 """What the coefficients beyond the fifth are, by OpenCV's counts of coefficients."""
+
+
+@contextmanager
+def named(path: str | Path) -> Iterator[None]:
+    """Put the file's name before what any error from within says, a damaged file's too."""
+    name = file_name(path)
+    try:
+        yield
+    except InputError as error:
+        if error.what.startswith(name):
+            raise
+        raise type(error)(f"{name}: {error.what}", error.remedy) from error
 
 
 def number(value: object, key: str) -> float:

@@ -1,0 +1,221 @@
+"""What of the boards' views does not belong to the rest: points, views, and parts of lines.
+
+A board shows far more points than its pose needs, so each view can be judged by itself once a
+camera is there. Lines are judged in three steps: what lies off the board, what lies off the
+straight line that the rest forms, and whole lines that do not lie in the sheet of the others.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.special import chdtri
+
+from sheetoflight.calibration.board_planes import in_board_frame, on_boards
+from sheetoflight.calibration.board_start import board_poses, boards_alone
+from sheetoflight.calibration.line_consensus import FacePlanes, agreed_pieces, straight_pieces
+from sheetoflight.calibration.rig_state import RigState
+from sheetoflight.calibration.wrong_points import FALSE_ALARM
+from sheetoflight.errors import UntrustworthyError
+from sheetoflight.geometry.directions import Array
+from sheetoflight.model.board import PlanarBoard
+from sheetoflight.model.board_views import BoardViews, LinePixels
+from sheetoflight.model.camera import Camera
+from sheetoflight.model.rig import Rig
+
+_PER_NORMAL = 1.1774
+"""Median length of a plane normal vector, in standard deviations."""
+
+_VIEW_FACTOR = 5.0
+"""How many times the median view's residuals a view's may be: boards bend and pictures blur, but
+not so much in one view alone."""
+
+_ROUNDING_PX = 1e-4
+_ROUNDS = 6
+_FEWEST = 6
+"""Points that a view must keep."""
+
+
+@dataclass(frozen=True)
+class ScreenedBoards:
+    """Boards that can be adjusted.
+
+    Parameters
+    ----------
+    rig : Rig
+        Without what was found wrong.
+    state : RigState
+        Camera and poses that fit the boards' points.
+    wrong : tuple of str
+        What was left out, in words.
+    """
+
+    rig: Rig
+    state: RigState
+    wrong: tuple[str, ...]
+
+
+def screened_boards(rig: Rig) -> ScreenedBoards:
+    """Leave out what is wrong in stage board.
+
+    Raises
+    ------
+    UntrustworthyError
+        If the views give no camera, or hardly a view is right.
+    """
+    rig, wrong = _with_poses(rig)
+    solution = boards_alone(rig)
+    for _ in range(_ROUNDS):
+        mask, lost = _wrong_points(rig, solution.state)
+        if not (mask.any() or lost.any()):
+            break
+        views = rig.observations.board
+        wrong += _named(views, mask, lost, _sizes(rig, solution.state))
+        if (~lost).sum() < 1 or lost.mean() > 0.5:
+            raise UntrustworthyError(
+                "board",
+                f"{lost.sum()} of {len(views)} views disagree with the others, so that it cannot "
+                "be told which are right",
+                "check columns, rows and pitch_mm under [board] in rig.toml, and that all "
+                "pictures come from one camera with one focus",
+            )
+        rig = with_board_views(rig, views.without(mask).take(~lost))
+        solution = boards_alone(rig)
+    state = solution.state
+    rig, stray = _in_the_sheets(rig, state)
+    return ScreenedBoards(rig, state, (*wrong, *stray))
+
+
+def with_board_views(rig: Rig, views: BoardViews) -> Rig:
+    """The rig with other views of boards."""
+    return replace(rig, observations=replace(rig.observations, board=views))
+
+
+def _with_poses(rig: Rig) -> tuple[Rig, tuple[str, ...]]:
+    """The rig without views that show too little of the board for a pose."""
+    views = rig.observations.board
+    enough = views.seen.sum(axis=1) >= _FEWEST
+    if isinstance(rig.board, PlanarBoard) and rig.camera is None:
+        enough &= np.isfinite(board_poses_anyhow(rig)).all(axis=(1, 2))
+    if not enough.any():
+        raise UntrustworthyError(
+            "board",
+            f"no view shows {_FEWEST} points of the board that are not on one line",
+            "take pictures in which the whole board is seen",
+        )
+    if enough.all():
+        return rig, ()
+    names = [name for name, good in zip(views.names, enough, strict=True) if not good]
+    words = tuple(f"view {name} of stage board (too few points)" for name in names)
+    return with_board_views(rig, views.take(enough)), words
+
+
+def board_poses_anyhow(rig: Rig) -> Array:
+    """Poses for any camera: finite where a view gives one at all."""
+    width, height = rig.image_size
+    plain = Camera(rig.image_size, width, width, width / 2, height / 2)
+    return board_poses(rig, plain)
+
+
+def _sizes(rig: Rig, state: RigState) -> Array:
+    """Reprojection errors ``(N, M)``, px; NaN where not seen."""
+    assert rig.board is not None
+    pose = state.poses["board"]
+    points = rig.board.points @ np.swapaxes(pose[:, :, :3], 1, 2) + pose[:, None, :, 3]
+    errors = rig.observations.board.uv - state.camera.project(points)
+    return np.linalg.norm(errors, axis=-1)
+
+
+def _wrong_points(rig: Rig, state: RigState) -> tuple[np.ndarray, np.ndarray]:
+    """Masks ``(N, M)`` of wrong points in right views, and ``(N,)`` of wrong views."""
+    sizes = _sizes(rig, state)
+    seen = np.isfinite(sizes)
+    own = np.sqrt(np.nanmedian(np.where(seen, sizes, np.nan) ** 2, axis=1)) / _PER_NORMAL
+    typical = max(float(np.median(own)), _ROUNDING_PX)
+    lost = own > _VIEW_FACTOR * typical
+    scale = np.maximum(np.where(lost, typical, own), typical)
+    limit = np.sqrt(float(chdtri(2, FALSE_ALARM / max(int(seen.sum()), 1)))) * scale
+    mask = seen & (np.nan_to_num(sizes) > limit[:, None]) & ~lost[:, None]
+    left = (seen & ~mask).sum(axis=1)
+    lost |= left < np.maximum(_FEWEST, 0.5 * seen.sum(axis=1))
+    return mask & ~lost[:, None], lost
+
+
+def _named(views: BoardViews, mask: np.ndarray, lost: np.ndarray, sizes: Array) -> tuple[str, ...]:
+    words = []
+    for index, name in enumerate(views.names):
+        where = f"view {name} of stage board"
+        if lost[index]:
+            size = float(np.sqrt(np.nanmean(sizes[index] ** 2) / 2.0))
+            words.append(f"{where} (residuals {size:.2g} px)")
+        elif mask[index].any():
+            numbers = np.flatnonzero(mask[index])
+            size = float(sizes[index][numbers].max())
+            which = ", ".join(str(n) for n in numbers[:8]) + (" …" if len(numbers) > 8 else "")
+            points = "points" if len(numbers) > 1 else "point"
+            words.append(f"{points} {which} of {where} ({size:.2g} px off)")
+    return tuple(words)
+
+
+def _in_the_sheets(rig: Rig, state: RigState) -> tuple[Rig, tuple[str, ...]]:
+    """The rig with those parts of the lines that lie on the boards and in one sheet."""
+    views = rig.observations.board
+    line = views.line
+    if not len(line) or rig.board is None:
+        return rig, ()
+    printed = on_printed_part(rig, line, in_board_frame(state, line, on_boards(rig, state)))
+    xy = state.camera.unproject(line.uv)[:, :2]
+    focal = 0.5 * (state.camera.alpha + state.camera.beta)
+    kept = np.zeros(len(line), dtype=bool)
+    words = []
+    for laser in np.unique(line.laser):
+        groups = _lines_of(line, int(laser))
+        pieces = [straight_pieces(xy[own], focal, printed[own], k) for k, own in enumerate(groups)]
+        firsts = np.array([own[0] for own in groups])
+        chosen = agreed_pieces(pieces, _faces(rig, state, line.take(firsts)), focal)
+        for own, cut, number in zip(groups, pieces, chosen, strict=True):
+            if number is None:
+                name = views.names[line.view[own[0]]]
+                words.append(f"the line of view {name} of stage board (not in the others' sheet)")
+            else:
+                kept[own[cut[number].points]] = True
+    return with_board_views(rig, replace(views, line=line.take(kept))), tuple(words)
+
+
+def _lines_of(line: LinePixels, laser: int) -> list[np.ndarray]:
+    """Numbers of the points of each line of a laser, by view and face."""
+    own = np.flatnonzero(line.laser == laser)
+    key = line.view[own] * (line.face.max() + 1) + line.face[own]
+    order = np.argsort(key, kind="stable")
+    cuts = np.flatnonzero(np.diff(key[order])) + 1
+    return [own[part] for part in np.split(order, cuts)]
+
+
+def _faces(rig: Rig, state: RigState, first: LinePixels) -> FacePlanes:
+    """The boards' faces on which lines are seen, camera frame."""
+    assert rig.board is not None
+    pose, face = state.poses["board"][first.view], rig.board.faces[first.face]
+    normal = np.einsum("lij,lj->li", pose[:, :, :3], face[:, :3])
+    return FacePlanes(normal, face[:, 3] + np.einsum("li,li->l", normal, pose[:, :, 3]))
+
+
+def on_printed_part(rig: Rig, line: LinePixels, points: Array) -> np.ndarray:
+    """Mask ``(P,)`` of a line's points, given in their boards' frames, that lie within one pitch
+    of the pattern; of a solid body's faces, within the box about the face's points."""
+    assert rig.board is not None
+    if isinstance(rig.board, PlanarBoard):
+        low, high = rig.board.points.min(axis=0), rig.board.points.max(axis=0)
+        margin = np.array([*rig.board.pitch_mm, np.inf])
+        with np.errstate(invalid="ignore"):
+            return np.asarray(((points > low - margin) & (points < high + margin)).all(axis=1))
+    boxes = np.array(
+        [
+            (corners.min(axis=0), corners.max(axis=0))
+            for corners in (rig.board.points[list(face)] for face in rig.board.face_points)
+        ]
+    )
+    size = 1e-3 * float(np.ptp(rig.board.points, axis=0).max())
+    low, high = boxes[line.face, 0] - size, boxes[line.face, 1] + size
+    with np.errstate(invalid="ignore"):
+        return np.asarray(((points >= low) & (points <= high)).all(axis=1))

@@ -1,0 +1,226 @@
+"""Which parts of the lines lie on the boards: those that agree on one sheet of light.
+
+Where a line leaves the board, it goes on beside it: on the table, a hand, the wall. Straight as
+it is there, too, nothing in one picture tells which part lies on the board, for a board may be
+larger than its pattern. All views together do: put onto the boards' planes, only what really lies
+on them lies in one sheet. So each line is cut into straight pieces, and the sheet is sought with
+which most points agree (Fischler and Bolles, Comm. ACM 24(6), 1981; Torr and Zisserman's score,
+CVIU 78(1), 2000).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import combinations
+
+import numpy as np
+from scipy.special import chdtri
+
+from sheetoflight.calibration.wrong_points import FALSE_ALARM
+from sheetoflight.geometry.directions import Array
+
+_PIECES = 4
+"""Pieces of one line that are looked at."""
+
+_TOLERANCE_PX = 2.0
+"""Distance from a piece within which points belong to it, before their own scatter is known."""
+
+_SHORT = 10
+"""Fewest points of a piece."""
+
+_DRAWS = 60
+_PAIRS = 1500
+_AGREED_PX = 6.0
+"""Distance of a piece from the image of the sheet's line on its board beyond which it says nothing
+for a sheet: boards bend, and sheets are not quite flat."""
+
+_LINE_FACTOR = 5.0
+"""How many times farther off than the median piece a piece may lie."""
+
+_LEAST_PX = 0.5
+"""Distance of a piece from its line that is no reason to leave it out."""
+
+_PER_SINGLE = 0.6745
+"""Median size of a normal deviation, in standard deviations."""
+
+_MOST = 0.9
+"""Share of a line's points that agree where there is one piece only."""
+
+_ROUNDS = 6
+_ROUNDING_PX = 1e-4
+_PREFERENCE = 2.0
+"""How much more a point on the printed part of a board counts than one beside it."""
+
+
+@dataclass(frozen=True, eq=False)
+class Piece:
+    """A straight piece of a line, in the image free of distortion.
+
+    Parameters
+    ----------
+    points : (K,) int array
+        Numbers of its points.
+    ends : (2, 2) array
+        Normalised coordinates of its ends.
+    weight : float
+        How much it counts for a sheet.
+    """
+
+    points: np.ndarray
+    ends: Array
+    weight: float
+
+
+def straight_pieces(xy: Array, focal: float, preferred: np.ndarray, rng_seed: int) -> list[Piece]:
+    """Cut the points of one line into straight pieces, the one of most points first.
+
+    Parameters
+    ----------
+    xy : (K, 2) array
+        Normalised coordinates free of distortion; NaN where there are none.
+    focal : float
+        px per unit of these.
+    preferred : (K,) mask
+        Points on the printed part of the board.
+    rng_seed : int
+        For the draws.
+    """
+    left = np.flatnonzero(np.isfinite(xy).all(axis=1))
+    rng = np.random.default_rng(rng_seed)
+    pieces: list[Piece] = []
+    while len(left) >= _SHORT and len(pieces) < _PIECES:
+        points = focal * xy[left]
+        own = agreeing(points)
+        if own.mean() < _MOST or np.abs(_off(points[own])).max() > _TOLERANCE_PX:
+            own = _most_on_a_line(points, rng)
+            if own.sum() >= _SHORT:
+                kept = np.flatnonzero(own)
+                own[kept[~agreeing(points[own])]] = False
+        if own.sum() < _SHORT:
+            break
+        chosen = left[own]
+        weight = own.sum() + (_PREFERENCE - 1.0) * preferred[chosen].sum()
+        pieces.append(Piece(chosen, _ends(xy[chosen]), float(weight)))
+        near = np.abs(_off(points, points[own])) <= _TOLERANCE_PX
+        left = left[~(own | near)]
+    return sorted(pieces, key=lambda piece: -piece.weight)
+
+
+def agreeing(points: Array) -> np.ndarray:
+    """Mask of points ``(K, 2)`` px that agree with a straight line, most of them deciding."""
+    weights = np.ones(len(points))
+    off, scale = np.zeros(len(points)), np.inf
+    for _ in range(_ROUNDS):
+        off = np.abs(_off(points, points, weights))
+        scale = max(float(np.median(off)) / _PER_SINGLE, _ROUNDING_PX)
+        weights = 1.0 / (1.0 + (off / (2.0 * scale)) ** 2)
+    limit = np.sqrt(float(chdtri(1, FALSE_ALARM / max(len(points), 1)))) * scale
+    return off <= limit
+
+
+def _off(points: Array, line: Array | None = None, weights: Array | None = None) -> Array:
+    """Signed distances of points from the total least-squares line of others."""
+    line = points if line is None else line
+    weights = np.ones(len(line)) if weights is None else weights
+    middle = weights @ line / weights.sum()
+    x, y = (line - middle).T
+    angle = 0.5 * np.arctan2(2.0 * weights @ (x * y), weights @ (x * x - y * y))
+    return (points - middle) @ np.array([-np.sin(angle), np.cos(angle)])
+
+
+def _most_on_a_line(points: Array, rng: np.random.Generator) -> np.ndarray:
+    """Mask of the points near the line through two of them that most points are near."""
+    first, second = rng.integers(len(points), size=(2, _DRAWS))
+    along = points[second] - points[first]
+    size = np.linalg.norm(along, axis=1)
+    normal = np.stack([-along[:, 1], along[:, 0]], axis=1) / np.maximum(size, 1e-12)[:, None]
+    off = np.abs(points @ normal.T - np.sum(points[first] * normal, axis=1))
+    near = (off <= _TOLERANCE_PX) & (size > _TOLERANCE_PX)
+    return near[:, int(near.sum(axis=0).argmax())]
+
+
+def _ends(xy: Array) -> Array:
+    """The ends ``(2, 2)`` of the piece that points form, on its line."""
+    middle = xy.mean(axis=0)
+    along = np.linalg.svd(xy - middle, full_matrices=False)[2][0]
+    way = (xy - middle) @ along
+    return middle + np.array([[way.min()], [way.max()]]) * along
+
+
+@dataclass(frozen=True, eq=False)
+class FacePlanes:
+    """The plane ``m · X = c`` of the board's face on which each of L lines would lie, camera
+    frame: ``normal (L, 3)``, ``offset (L,)`` mm."""
+
+    normal: Array
+    offset: Array
+
+
+def agreed_pieces(pieces: list[list[Piece]], faces: FacePlanes, focal: float) -> list[int | None]:
+    """For every line the number of its piece that lies in the sheet of most; None where none does.
+
+    Parameters
+    ----------
+    pieces : L lists of pieces
+    faces : FacePlanes
+    focal : float
+        px per unit of normalised coordinates.
+    """
+    owner = np.array([k for k, own in enumerate(pieces) for _ in own], dtype=int)
+    every = [piece for own in pieces for piece in own]
+    if len(set(owner.tolist())) < 2:
+        return [0 if own else None for own in pieces]
+    rays = np.concatenate([[p.ends for p in every], np.ones((len(every), 2, 1))], axis=2)
+    normal, offset = faces.normal[owner], faces.offset[owner]
+    with np.errstate(divide="ignore", invalid="ignore"):
+        points = rays * (offset[:, None] / np.einsum("pei,pi->pe", rays, normal))[..., None]
+    weight = np.array([p.weight for p in every])
+    sheets = _candidates(points, owner, weight)
+    errors = _errors(sheets, rays, normal, offset, focal)
+    best = int(_scores(errors, owner, weight).argmin())
+    return _chosen(errors[best], owner, len(pieces))
+
+
+def _candidates(points: Array, owner: np.ndarray, weight: Array) -> Array:
+    """Sheets ``(S, 4)``, as (n, d), through pairs of pieces of different lines."""
+    order = np.argsort(-weight, kind="stable")
+    pairs = np.array(list(combinations(order.tolist(), 2)))
+    pairs = pairs[owner[pairs[:, 0]] != owner[pairs[:, 1]]]
+    if len(pairs) > _PAIRS:
+        pairs = pairs[np.random.default_rng(0).permutation(len(pairs))[:_PAIRS]]
+    corners = points[pairs].reshape(-1, 4, 3)
+    corners = corners[np.isfinite(corners).all(axis=(1, 2))]
+    middle = corners.mean(axis=1)
+    normal = np.linalg.svd(corners - middle[:, None], full_matrices=False)[2][:, 2]
+    return np.column_stack([normal, np.einsum("si,si->s", normal, middle)])
+
+
+def _errors(sheets: Array, rays: Array, normal: Array, offset: Array, focal: float) -> Array:
+    """Root mean square distance ``(S, P)``, px, of each piece's ends from the image of the line in
+    which each sheet meets its face."""
+    line = offset[None, :, None] * sheets[:, None, :3] - sheets[:, 3, None, None] * normal[None]
+    size = np.maximum(np.linalg.norm(line[..., :2], axis=-1), 1e-300)
+    off = np.einsum("spi,pei->spe", line, rays) / size[..., None]
+    return np.nan_to_num(focal * np.sqrt(np.mean(off**2, axis=-1)), nan=np.inf)
+
+
+def _scores(errors: Array, owner: np.ndarray, weight: Array) -> Array:
+    """Of each sheet: what its lines' best pieces miss by, large misses counting alike."""
+    gains = weight * np.maximum(1.0 - (errors / _AGREED_PX) ** 2, 0.0)
+    total = np.zeros(len(errors))
+    for line in np.unique(owner):
+        total -= gains[:, owner == line].max(axis=1)
+    return total
+
+
+def _chosen(errors: Array, owner: np.ndarray, lines: int) -> list[int | None]:
+    """Each line's piece nearest to the sheet, if it is near."""
+    best: list[int | None] = [None] * lines
+    least = np.full(lines, np.inf)
+    for line in range(lines):
+        own = errors[owner == line]
+        if len(own):
+            best[line], least[line] = int(own.argmin()), float(own.min())
+    near = least[least <= _AGREED_PX]
+    limit = max(_LINE_FACTOR * float(np.median(near)), _LEAST_PX) if near.size else 0.0
+    return [piece if size <= limit else None for piece, size in zip(best, least, strict=True)]
