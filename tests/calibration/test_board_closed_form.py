@@ -64,7 +64,11 @@ def test_a_hidden_point_in_one_view_leaves_the_others_alone() -> None:
 
 def test_noise_costs_no_more_than_in_the_best_homography() -> None:
     """OpenCV minimises the distances themselves: no homography can be nearer to the points."""
-    uv = seen_from(*poses(5, np.random.default_rng(3)), K)
+    rotations, translations = poses(6, np.random.default_rng(3))
+    rotations[:3] = rotation(np.array([[1.1, 0, 0], [0.8, 0.8, 0], [0, -1.1, 0]]))
+    middle = np.array([0.0, 0.0, 115.0])  # near and steep: depths differ by a factor of three
+    translations[:3] = middle - rotations[:3] @ BOARD.mean(axis=0)
+    uv = seen_from(rotations, translations, K)
     uv += 0.5 * np.random.default_rng(4).normal(size=uv.shape)
     for H, image in zip(homographies(BOARD, uv), uv, strict=True):
         best = cv2.findHomography(BOARD[:, :2], image, 0)[0]
@@ -105,11 +109,12 @@ def test_too_little_gives_no_homography(places: list[int], noise: float) -> None
 def test_rotations_from_noisy_homographies_are_the_nearest() -> None:
     uv = seen_from(*poses(4, np.random.default_rng(8)), K)
     H = homographies(BOARD, uv + np.random.default_rng(9).normal(size=uv.shape))
-    rotations, _ = pose_from_homography(K, H)
+    rotations, translations = pose_from_homography(K, H)
     assert np.allclose(rotations @ np.swapaxes(rotations, 1, 2), np.eye(3), atol=1e-12)
     assert np.allclose(np.linalg.det(rotations), 1.0)
-    for R, map_ in zip(rotations, np.linalg.inv(K) @ H, strict=True):
-        scale = np.linalg.svd(map_[:, :2], compute_uv=False).mean()
+    for R, t, map_ in zip(rotations, translations, np.linalg.inv(K) @ H, strict=True):
+        scale = np.sum(map_[:, :2] * R[:, :2]) / 2.0  # least squares of the two columns
+        assert np.allclose(scale * t, map_[:, 2], rtol=1e-12)
 
         def distance(turn: np.ndarray, R=R, columns=map_[:, :2] / scale) -> float:
             return float(np.sum(((rotation(turn) @ R)[:, :2] - columns) ** 2))

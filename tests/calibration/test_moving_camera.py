@@ -39,8 +39,8 @@ def test_exact_tracks_give_the_exact_camera(seed: int) -> None:
 
 
 def test_the_stated_uncertainty_is_that_of_repeated_trials() -> None:
-    """Normalised errors of 12 trials; they leave the interval by chance once in 5000."""
-    total, trials = 0.0, 12
+    """Normalised errors of 20 trials; they leave the interval by chance once in 1000."""
+    total, trials = 0.0, 20
     for seed in range(trials):
         rng = np.random.default_rng(seed)
         uv = moving(CAMERA, *carried(5, rng), scene(40, rng))
@@ -48,7 +48,7 @@ def test_the_stated_uncertainty_is_that_of_repeated_trials() -> None:
         fit = moving_camera(uv, SIZE, pixels="rectangular", pixel_std=0.2)
         error = (fit.camera.parameters - CAMERA.parameters)[[0, 1, 3, 4]]
         total += float(error @ np.linalg.solve(fit.covariance, error))
-    low, high = chi2.ppf([1e-4, 1 - 1e-4], trials * 4)
+    low, high = chi2.ppf([5e-4, 1 - 5e-4], trials * 4)
     assert low < total < high
 
 
@@ -79,6 +79,27 @@ def test_a_fundamental_matrix_is_exact_and_as_good_as_opencvs() -> None:
     assert abs(np.linalg.det(ours / np.linalg.norm(ours))) < 1e-15
     least = np.sum(epipolar_distances(theirs, x1, x2) ** 2)
     assert np.sum(epipolar_distances(ours, x1, x2) ** 2) < 1.001 * least
+
+
+def test_weights_gain_where_the_camera_moves_forwards() -> None:
+    """Near the epipole the eight-point equations count for too little: on average their distances
+    are some 8 % greater."""
+    ours, theirs = 0.0, 0.0
+    for seed in range(12):
+        rng = np.random.default_rng(seed)
+        turn = rotation(0.05 * rng.normal(size=3))
+        shift = np.array([20.0, 10.0, -500.0])
+        uv = moving(
+            CAMERA, np.stack([np.eye(3), turn]), np.stack([0 * shift, shift]), scene(100, rng)
+        )
+        seen = np.isfinite(uv[..., 0]).all(axis=0)
+        x1, x2 = uv[:, seen] + 0.5 * rng.normal(size=uv[:, seen].shape)
+        F = fundamental_matrix(x1, x2)
+        assert F is not None
+        ours += float(np.sum(epipolar_distances(F, x1, x2) ** 2))
+        plain = cv2.findFundamentalMat(x1, x2, cv2.FM_8POINT)[0]
+        theirs += float(np.sum(epipolar_distances(plain, x1, x2) ** 2))
+    assert ours < 0.97 * theirs
 
 
 def test_seven_matches_give_no_fundamental_matrix() -> None:

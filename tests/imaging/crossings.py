@@ -14,7 +14,7 @@ import numpy as np
 from tests.imaging.drawing import homography, mapped, strip_albedo
 
 MARKERS = np.array([0.0, 200.0, 400.0])
-SHAPE = (400, 560)
+SHAPE = (270, 400)
 
 
 @dataclass(frozen=True)
@@ -57,7 +57,7 @@ class Crossing:
         ends = mapped(self.matrix, np.column_stack([self.markers[[0, -1]], [0.0, 0.0]]))
         return (ends[1] - ends[0]) / np.linalg.norm(ends[1] - ends[0])
 
-    def drawn(self, laser: bool = True, seed: int = 0, samples: int = 5) -> np.ndarray:
+    def drawn(self, laser: bool = True, seed: int = 0, samples: int = 4) -> np.ndarray:
         """The picture ``(H, W)`` uint8."""
         rng = np.random.default_rng([seed, int(laser)])
         light = self._light(laser, samples)
@@ -82,7 +82,7 @@ class Crossing:
         albedo = strip_albedo(xy, self.markers, self.size, self.kind, self.ink, self.paper)
         if self.half_height is not None:
             albedo[np.abs(xy[..., 1]) > self.half_height] = np.nan
-        value = np.where(np.isnan(albedo), self.wall, albedo)
+        value = np.where(np.isnan(albedo), self.wall, albedo).astype(np.float32)
         if laser:
             value = value + value / self.paper * self._laser(grid, np.isnan(albedo))
         if self.blur:
@@ -114,7 +114,7 @@ class Crossing:
 
 def view(
     radius: float = 9.0, tilt: float = 0.2, spin: float = 0.1, roll: float = 0.3,
-    centre: tuple[float, float] = (80.0, 100.0),
+    centre: tuple[float, float] = (45.0, 60.0),
 ) -> np.ndarray:  # fmt: skip
     """The homography of a target whose marker 0 (of 24 mm) appears with a radius in px."""
     return homography(radius / 12.0 * 1000.0, 1000.0, centre, tilt, spin, roll)

@@ -11,6 +11,7 @@ import pytest
 
 from sheetoflight.errors import InputError
 from sheetoflight.model.board import PlanarBoard, SolidTarget
+from sheetoflight.model.target import CollinearTarget
 from sheetoflight.simulation.picture import ViewOptions
 from sheetoflight.simulation.render import RenderOptions
 from sheetoflight.simulation.views import folder_truth, picture_tasks, render_task
@@ -186,3 +187,9 @@ def test_a_charuco_board_without_codes_is_refused(small_rig):
     rig = replace(small_rig, board=PlanarBoard("charuco", 6, 5, (14.0, 14.0)))
     with pytest.raises(InputError, match="0 codes are given"):
         picture_tasks(rig, 0, 0, board_views=1)
+
+
+def test_markers_too_close_for_a_spot_are_refused(rig):
+    crowded = CollinearTarget((0.0, 40.0, 80.0), marker_size_mm=20.0)
+    with pytest.raises(InputError, match="no bare paper"):
+        picture_tasks(replace(rig, target=crowded), 0, 0, crossing_views=1)

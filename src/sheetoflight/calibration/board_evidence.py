@@ -17,6 +17,7 @@ from sheetoflight.calibration.lines_on_boards import (
     RAY,
     LineRows,
     ReducedLines,
+    free_parts,
     line_rows,
     off_sheet_patterns,
     reduced_lines,
@@ -34,6 +35,9 @@ _POSE = LOCAL_SIZE["board"]
 _PARTS = 2
 """Free parts of a line: its turn and its offset."""
 
+_SIGNIFICANT = 1e-8
+"""Strength of a direction, as a part of the strongest, below which it is rounding."""
+
 
 @dataclass(frozen=True, eq=False)
 class BoardEvidence:
@@ -47,7 +51,7 @@ class BoardEvidence:
         Of the `COMPONENTS`.
     lines : ReducedLines or None
         None where there is no sheet to adjust.
-    whitener : (L, 17, 17) array, optional
+    whitener : (L, q, 17) array, optional
         W with ``WᵀW = V⁻¹``, V being the covariance of the lines' rows.
     """
 
@@ -113,7 +117,7 @@ class BoardEvidence:
             return corners
         rows = line_rows(self.lines, self.board, state)
         lines = self._line_block(
-            state, parameters, rows, self._pulls(parameters, rows), rows.misses
+            state, parameters, rows, self._pulls(parameters, rows.turns), rows.misses
         )
         lines = Block(
             (self.whitener @ lines.residuals[..., None])[..., 0],
@@ -155,13 +159,13 @@ class BoardEvidence:
         )
         return block if self.views.seen.all() else _silenced(block, self.views.seen)
 
-    def _pulls(self, parameters: Sequence[str], rows: LineRows) -> Array:
+    def _pulls(self, parameters: Sequence[str], turns: Array) -> Array:
         """``(L, 17, 2 + f)``: how the reduced rows move with a line's two free parts, and with
         the f free parameters of the camera."""
         assert self.lines is not None
         roots = self.lines.roots
         by_camera = roots[:, :, [RAY + i for i, name in enumerate(CAMERA) if name in parameters]]
-        return np.concatenate([roots[:, :, :RAY] @ rows.turns, by_camera], axis=2)
+        return np.concatenate([roots[:, :, :RAY] @ turns, by_camera], axis=2)
 
     def _line_block(
         self,
@@ -211,13 +215,15 @@ class BoardEvidence:
         if self.lines is None:
             parts = [(CORNER, np.broadcast_to(np.eye(own), (count, own, own)))]
             return contrasts(corners, parts, np.ones((count, own), dtype=bool), told)
-        lines, patterns, line_rest = self._compressed_lines(state, parameters, size_column)
+        lines, patterns, line_rest = self._compressed_lines(
+            state, parameters, size_column, SHAPE in offsets
+        )
         whole = self._stacked(corners, lines)
         size = whole.residuals.shape[1]
         corner = np.broadcast_to(np.diag(np.arange(size) < own).astype(float), (count, size, size))
-        units = np.tile(np.eye(lines.residuals.shape[1]), (len(self.lines), 1, 1))
         parts = [(CORNER, corner)]
-        for component, pattern in ((STRIPE, units), *((k, patterns[k]) for k in offsets)):
+        for component in (STRIPE, *offsets):
+            pattern = patterns[component]
             spread = np.zeros((count, size, size))
             spread[:, own:, own:] = self._own_slots(pattern @ np.swapaxes(pattern, 1, 2))
             parts.append((component, spread))
@@ -238,29 +244,39 @@ class BoardEvidence:
         return block, (float(rest.sum()), left)
 
     def _compressed_lines(
-        self, state: RigState, parameters: Sequence[str], size_column: int | None
+        self,
+        state: RigState,
+        parameters: Sequence[str],
+        size_column: int | None,
+        windings: bool,
     ) -> tuple[Block, dict[int, Array], tuple[float, int]]:
-        """The lines' residuals compressed, one group a line, what their ends off the sheet
-        ``(L, q, 2)`` and their windings ``(L, q, 4)`` do to them, and what is left."""
+        """The lines' residuals in as few directions as they need, one group a line; what single
+        points do to these ``(L, q, q)``, ends off the sheet ``(L, q, 2)`` and windings
+        ``(L, q, 4)``; and the sum of squares and the number of what is left."""
         assert self.lines is not None
         rows = line_rows(self.lines, self.board, state)
-        pulls = self._pulls(parameters, rows)
-        design, misses, rest = compressed(
-            np.concatenate([pulls, self.lines.shapes], axis=2), rows.misses
-        )
-        pulls, shapes = np.split(design, [pulls.shape[2]], axis=2)
+        # the turn about the fitted line: about another, it would bring in the points' scatter
+        pulls = self._pulls(parameters, free_parts(self.lines.lines))
+        basis = _significant(np.concatenate([pulls, self.lines.shapes], axis=2))
+        along = np.einsum("lqk,lq->lk", basis, rows.misses)
+        rest = float(np.sum(rows.misses**2) - np.sum(along**2))
+        left = int(self.lines.counts.sum() - np.sum(basis**2))
+        if self.variances[SHAPE] and not windings:  # only turn and offset say anything
+            basis = np.linalg.qr(pulls[:, :, :_PARTS])[0]
+        turned = np.swapaxes(basis, 1, 2)
+        pulls, misses = turned @ pulls, (turned @ rows.misses[..., None])[..., 0]
         block = self._line_block(state, parameters, rows, pulls, misses)
+        parts = pulls[:, :, :_PARTS]
         if size_column is not None:
-            grown = pulls[:, :, :_PARTS] @ rows.by_size
             columns = np.append(block.columns, size_column)
-            by_shared = np.concatenate([block.by_shared, grown], axis=2)
+            by_shared = np.concatenate([block.by_shared, parts @ rows.by_size], axis=2)
             block = Block(block.residuals, by_shared, columns, block.by_local)
         patterns = {
-            LINE: pulls[:, :, :_PARTS] @ off_sheet_patterns(self.lines, rows),
-            SHAPE: shapes,
+            STRIPE: turned @ basis,
+            LINE: parts @ off_sheet_patterns(self.lines, rows),
+            SHAPE: turned @ self.lines.shapes,
         }
-        left = int(self.lines.counts.sum()) - misses.size
-        return block, patterns, (float(rest.sum()), left)
+        return block, patterns, (max(rest, 0.0), left)
 
     def _stacked(self, corners: Block, lines: Block) -> Block:
         """Points and lines of each view, one below the other."""
@@ -316,13 +332,25 @@ def _silenced(block: Block, seen: np.ndarray) -> Block:
 
 
 def _whitener(lines: ReducedLines, rows: LineRows, variances: Array) -> Array:
-    """``(L, 17, 17)``: W with ``WᵀW = (θ_stripe I + θ_line T Tᵀ + θ_shape S Sᵀ)⁻¹``, T being what
-    a line's ends off the sheet do to its rows, and S what its windings do."""
+    """``(L, q, 17)``: W with ``WᵀW = (θ_stripe I + θ_line T Tᵀ)⁻¹``, T being what a line's ends
+    off the sheet do to its rows. Of lines that wind, only turn and offset say anything: q is 2
+    in place of 17."""
     size = lines.roots.shape[-1]
-    covariance = np.broadcast_to(variances[STRIPE] * np.eye(size), lines.roots.shape)
-    if not variances[[LINE, SHAPE]].any():
-        return np.broadcast_to(np.eye(size) / np.sqrt(variances[STRIPE]), lines.roots.shape)
-    moved = lines.roots[:, :, :RAY] @ rows.turns @ off_sheet_patterns(lines, rows)
-    covariance = covariance + variances[LINE] * moved @ np.swapaxes(moved, 1, 2)
-    covariance += variances[SHAPE] * lines.shapes @ np.swapaxes(lines.shapes, 1, 2)
-    return np.linalg.inv(np.linalg.cholesky(covariance))
+    parts = lines.roots[:, :, :RAY] @ rows.turns
+    basis = np.linalg.qr(parts)[0] if variances[SHAPE] else np.eye(size)
+    kept = np.swapaxes(basis, -1, -2)
+    if not variances[LINE]:
+        whitener = kept / np.sqrt(variances[STRIPE])
+        return np.broadcast_to(whitener, (len(lines), *whitener.shape[-2:]))
+    moved = kept @ parts @ off_sheet_patterns(lines, rows)
+    covariance = variances[LINE] * moved @ np.swapaxes(moved, 1, 2)
+    covariance += variances[STRIPE] * np.eye(covariance.shape[-1])
+    return np.linalg.inv(np.linalg.cholesky(covariance)) @ kept
+
+
+def _significant(design: Array) -> Array:
+    """Orthonormal directions ``(L, q, k)`` that columns ``(L, q, k)`` span, 0 for those that only
+    rounding lets them reach: there lies the scatter of the line's points, all of it."""
+    size = np.linalg.norm(design, axis=1, keepdims=True)
+    basis, strength, _ = np.linalg.svd(design / np.where(size > 0, size, 1.0), full_matrices=False)
+    return basis * (strength > _SIGNIFICANT * strength[:, :1])[:, None, :]

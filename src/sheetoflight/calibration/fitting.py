@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -43,6 +44,8 @@ from sheetoflight.model.rig import Rig
 
 _OFFSETS = (PLACEMENT, MARKER, LINE, SHAPE)
 """Components that are estimated only where the residuals ask for them: all else is always there."""
+
+_IS_SHAPE = np.arange(len(COMPONENTS)) == SHAPE
 
 _NOTHING = np.zeros((len(COMPONENTS), len(COMPONENTS)))
 
@@ -212,6 +215,8 @@ def _with_components(fit: Fit, free: np.ndarray, stage: str) -> Fit:
         if not free.any():
             return fit
     variances, start = start, _first_offsets(fit, start, free)
+    if free[SHAPE]:
+        return _with_components(_of_winding_lines(fit, start, free), free & ~_IS_SHAPE, stage)
     spread = _NOTHING
     for _ in range(_NOISE_ROUNDS):
         groups = noise.contrasts(adjustment, solution.state, {})
@@ -230,6 +235,19 @@ def _with_components(fit: Fit, free: np.ndarray, stage: str) -> Fit:
         )
         solution = settled(adjustment, solution.state, stage)
     return Fit(rig, adjustment, solution, noise.with_variances(variances), spread)
+
+
+def _of_winding_lines(fit: Fit, start: Array, free: np.ndarray) -> Fit:
+    """The fit in which lines say no more than where they are and which way they run: how much
+    they wind, is told beside it."""
+    with suppress(np.linalg.LinAlgError):
+        start = variance_components(fit.contrasts, fit.adjustment.shared_size, start, free).sizes
+    start = np.where(_IS_SHAPE, np.maximum(start, np.finfo(float).tiny), start)
+    noise = replace(fit.noise.with_variances(start), free=fit.noise.free & ~_IS_SHAPE)
+    stages, parameters = fit.adjustment.stages, fit.adjustment.parameters
+    adjustment = noise.adjustment(fit.rig, stages, parameters, fit.state)
+    solution = settled(adjustment, fit.state, "board")
+    return Fit(fit.rig, adjustment, solution, noise, _NOTHING)
 
 
 def _first_sizes(fit: Fit, free: np.ndarray) -> Array:

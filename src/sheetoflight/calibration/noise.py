@@ -139,7 +139,8 @@ class NoiseModel:
             seen = np.repeat(views.seen, 2, axis=1)
             groups.append(contrasts(block, parts, seen))
         if adjustment.boards is not None:
-            acting = [k for k in (LINE, SHAPE) if self.free[k] or self.variances[k] > 0]
+            acting = [LINE] if self.free[LINE] or self.variances[LINE] > 0 else []
+            acting += [SHAPE] if self.free[SHAPE] else []
             groups.append(
                 adjustment.boards.contrasts(state, adjustment.parameters, acting, size_column)
             )

@@ -120,7 +120,14 @@ class Studio:
     def crossing_tasks(self, count: int) -> list[PictureTask]:
         """The sheet crosses the target between two markers; laser off and on, or on alone."""
         rng = _generator(self._seed, _STAGES.index("crossing"), _POSES)
-        positions = self._rig.target.positions
+        positions, size = self._rig.target.positions, self._rig.target.marker_size_mm
+        gap = float(np.diff(positions).max())
+        if count and gap <= 2.0 * size:
+            raise InputError(
+                f"markers of {size:g} mm are up to {gap:g} mm apart: the sheet crosses no bare "
+                "paper between them",
+                "use smaller markers, or greater distances",
+            )
 
         def draw(n: int) -> Array:
             points = target_points(*crossing_poses(self._rig, n, rng), positions)

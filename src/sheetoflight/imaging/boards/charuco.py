@@ -97,7 +97,7 @@ def _decoded_as(
     corners, ids, _, _ = cv2.aruco.CharucoDetector(pattern).detectBoard(form)
     uv = np.full((board.columns * board.rows, 2), np.nan)
     if ids is not None and len(ids):
-        uv[np.ravel(ids)] = np.reshape(corners, (-1, 2))
+        uv[np.ravel(ids).astype(np.int64)] = np.reshape(corners, (-1, 2))
     return uv
 
 
@@ -120,9 +120,7 @@ def _why_not(
     return _no_board(picture, board, dictionary)
 
 
-def _no_board(
-    picture: GreyPicture, board: PlanarBoard, dictionary: cv2.aruco.Dictionary
-) -> str:
+def _no_board(picture: GreyPicture, board: PlanarBoard, dictionary: cv2.aruco.Dictionary) -> str:
     most = 0
     for form, _ in shown(picture.values):
         _, ids, _ = cv2.aruco.ArucoDetector(dictionary).detectMarkers(form)

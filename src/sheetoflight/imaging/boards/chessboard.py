@@ -8,6 +8,7 @@ import numpy as np
 from sheetoflight.geometry.directions import Array
 from sheetoflight.imaging.boards.corners import corner_std, refined, windows
 from sheetoflight.imaging.boards.grid import (
+    is_even,
     numberings,
     one_more,
     room,
@@ -15,11 +16,11 @@ from sheetoflight.imaging.boards.grid import (
     steps,
     upper_left_first,
 )
-from sheetoflight.imaging.boards.levels import EightBit, at_working_size, eight_bit, shown
+from sheetoflight.imaging.boards.levels import EightBit, at_quick_size, shown
 from sheetoflight.imaging.boards.other_size import inside, why_not_found
 from sheetoflight.imaging.boards.saddles import alternating, middle_excess, saddles
 from sheetoflight.imaging.boards.second_board import blanked, where
-from sheetoflight.imaging.boards.sharpness import edge_width
+from sheetoflight.imaging.boards.sharpness import too_blurred
 from sheetoflight.imaging.boards.sighting import FoundPoints
 from sheetoflight.imaging.markers.grey import GreyPicture, Picture
 from sheetoflight.imaging.markers.line_light import bridged
@@ -29,9 +30,9 @@ _ADAPTIVE = cv2.CALIB_CB_ADAPTIVE_THRESH | cv2.CALIB_CB_NORMALIZE_IMAGE
 _THOROUGH = cv2.CALIB_CB_NORMALIZE_IMAGE | cv2.CALIB_CB_EXHAUSTIVE
 _LEAST_SADDLE = 0.6
 _LEAST_GOOD_SHARE = 0.75
+_LEAST_SEEN_SHARE = 0.6
 _MOST_EXCESS = 0.4
 _FARTHEST_MOVE = 0.3
-_WIDEST_EDGE = 0.5
 
 
 def find_chessboard(picture: GreyPicture, board: PlanarBoard) -> FoundPoints | str:
@@ -54,7 +55,12 @@ def find_chessboard(picture: GreyPicture, board: PlanarBoard) -> FoundPoints | s
         return why_not_found(picture.values, board)
     grid = _numbered(picture, grid, board)
     doubt = _doubt(picture, grid, board)
-    return doubt or _measured(picture, grid)
+    if doubt is not None:
+        return doubt
+    found = _measured(picture, grid)
+    if np.isfinite(found.std).mean() < _LEAST_SEEN_SHARE:
+        return why_not_found(picture.values, board)
+    return found
 
 
 def located(picture: GreyPicture, columns: int, rows: int) -> Array | None:
@@ -67,15 +73,18 @@ def located(picture: GreyPicture, columns: int, rows: int) -> Array | None:
     unlit = bridged(picture)
     if unlit is None:
         return None
-    work, size = at_working_size(unlit)
-    return _located_in(eight_bit(work), size, columns, rows)
+    form, size = at_quick_size(unlit)
+    return _located_in(form, size, columns, rows)
 
 
 def _located_in(form: EightBit, size: float, columns: int, rows: int) -> Array | None:
-    corners = _by_quads(form, columns, rows)
-    if corners is None:
-        corners = _by_corners(form, columns, rows)
-    return None if corners is None else size * corners.reshape(rows, columns, 2).astype(float)
+    for finder in (_by_quads, _by_corners):
+        corners = finder(form, columns, rows)
+        if corners is not None:
+            grid = size * corners.reshape(rows, columns, 2).astype(float)
+            if is_even(grid):
+                return grid
+    return None
 
 
 def _by_quads(form: EightBit, columns: int, rows: int) -> np.ndarray | None:
@@ -107,12 +116,9 @@ def _doubt(picture: GreyPicture, grid: Array, board: PlanarBoard) -> str | None:
             f"a grid of corners about {where(grid)} is no chessboard: its squares are not dark "
             "and light by turns – light the board evenly, or hold it nearer"
         )
-    width = edge_width(picture.values, grid)
-    if width > _WIDEST_EDGE:
-        return (
-            f"the picture is blurred: the squares' edges at {where(grid)} are {width:.0%} of a "
-            "square wide – hold the board still, and focus on it"
-        )
+    blurred = too_blurred(picture.values, grid)
+    if blurred is not None:
+        return blurred
     if _goes_on(picture, grid):
         return (
             f"the board at {where(grid)} is larger than {board.columns} × {board.rows} corners – "
@@ -142,9 +148,7 @@ def _goes_on(picture: GreyPicture, grid: Array) -> bool:
 
 def located_again(values: Picture, grid: Array, board: PlanarBoard) -> Array | None:
     """A second board of the same size beside the one found, in a quick look."""
-    form, size = next(iter(shown(blanked(values, grid))))
-    if min(form.shape) >= 400:
-        form, size = np.asarray(cv2.pyrDown(form), dtype=np.uint8), 2.0 * size
+    form, size = at_quick_size(blanked(values, grid))
     corners = _by_quads(form, board.columns, board.rows)
     if corners is None:
         found, sharp = cv2.findChessboardCornersSB(form, (board.columns, board.rows))
@@ -162,7 +166,7 @@ def _measured(picture: GreyPicture, grid: Array) -> FoundPoints:
     flat = [step.reshape(-1, 2) for step in steps(grid)]
     saddle = alternating(saddles(picture, uv, *flat).reshape(grid.shape[:2]))
     bad = saddle.ravel() * np.sign(np.median(saddle)) < _LEAST_SADDLE
-    bad |= np.abs(middle_excess(picture, uv, *flat)) > _MOST_EXCESS
+    bad |= middle_excess(picture, uv, *flat) > _MOST_EXCESS
     bad |= np.linalg.norm(uv - rough, axis=1) > _FARTHEST_MOVE * spacing(grid)
     bad |= ~inside(uv, picture.values.shape) | ~np.isfinite(std)
     uv[bad], std[bad] = np.nan, np.nan

@@ -23,7 +23,11 @@ from sheetoflight.model.board import PlanarBoard
 
 _CANDIDATES_A_CIRCLE = 3
 _FIT = FitOptions(surround=1.3, most_pixels=1500)
-_OTHER_SIZES = ((-1, 0), (0, -1), (-1, -1), (-2, 0), (0, -2))
+_OTHER_SIZES = ((-1, 0), (0, -1), (1, 0), (0, 1), (-1, -1), (-2, 0), (0, -2), (0, 2))
+_MIRRORED = (
+    "the picture is mirrored: the staggered grid's rows are shifted the wrong way – switch the "
+    "flip off in the camera's software, or correct rows in [board]"
+)
 _ALIKE = 3.0
 _TRIES = 3
 
@@ -68,14 +72,16 @@ def _alike(candidates: Sequence[Candidate]) -> list[list[Candidate]]:
     return groups
 
 
-def _grid_of(discs: Sequence[Candidate], board: PlanarBoard) -> np.ndarray | None:
+def _grid_of(
+    discs: Sequence[Candidate], board: PlanarBoard, tries: int = _TRIES
+) -> np.ndarray | None:
     """Numbers ``(rows, columns)`` of the discs that form the grid, or None."""
     count = board.columns * board.rows
     if len(discs) < count:
         return None
     uv = np.array([d.centre for d in discs], dtype=np.float32)
     kind = cv2.CALIB_CB_ASYMMETRIC_GRID if board.staggered else cv2.CALIB_CB_SYMMETRIC_GRID
-    for flags, seed in product((kind, kind | cv2.CALIB_CB_CLUSTERING), range(_TRIES)):
+    for flags, seed in product((kind, kind | cv2.CALIB_CB_CLUSTERING), range(tries)):
         # OpenCV looks for the grid's two directions from random starts.
         cv2.setRNGSeed(seed)
         found, centres = cv2.findCirclesGrid(
@@ -122,12 +128,9 @@ def _checked(
 ) -> FoundPoints | str:
     centres = np.array([d.centre for d in discs])
     grid = centres[members]
-    choices = staggered_numberings(grid) if board.staggered else _plain_numberings(grid, board)
+    choices = _numberings(grid, board)
     if not choices:
-        return (
-            "the picture is mirrored: the staggered grid's rows are shifted the wrong way – switch "
-            "the flip off in the camera's software, or correct rows in [board]"
-        )
+        return _MIRRORED
     grid = upper_left_first(choices)
     if _goes_on(grid, centres, board):
         return (
@@ -146,7 +149,9 @@ def _checked(
     return _measured(picture, [discs[i] for i in number], board)
 
 
-def _plain_numberings(grid: Array, board: PlanarBoard) -> list[Array]:
+def _numberings(grid: Array, board: PlanarBoard) -> list[Array]:
+    if board.staggered:
+        return staggered_numberings(grid)
     return numberings(grid, board.columns, board.rows)
 
 
@@ -185,9 +190,7 @@ def _beyond(board: PlanarBoard) -> list[Array]:
     return places
 
 
-def _measured(
-    picture: GreyPicture, discs: Sequence[Candidate], board: PlanarBoard
-) -> FoundPoints:
+def _measured(picture: GreyPicture, discs: Sequence[Candidate], board: PlanarBoard) -> FoundPoints:
     fits = [fitted_marker(picture, disc, quadrant=False, options=_FIT) for disc in discs]
     uv = np.array([[np.nan, np.nan] if f is None else f.uv for f in fits])
     shapes = [d if f is None else f.shape for d, f in zip(discs, fits, strict=True)]
@@ -199,20 +202,27 @@ def _measured(
 
 def _why_not(candidates: Sequence[Candidate], board: PlanarBoard) -> str:
     asked = f"{board.columns} × {board.rows}"
-    for fewer_columns, fewer_rows in _OTHER_SIZES:
-        columns, rows = board.columns + fewer_columns, board.rows + fewer_rows
-        if min(columns, rows) < 3:
-            continue
-        for discs in _alike(candidates):
-            members = _grid_of(discs, replace(board, columns=columns, rows=rows))
+    groups = _alike(candidates)
+    if board.staggered and any(_grid_of(_flipped(discs), board) is not None for discs in groups):
+        return _MIRRORED
+    for more_columns, more_rows in _OTHER_SIZES:
+        columns, rows = board.columns + more_columns, board.rows + more_rows
+        other = replace(board, columns=max(columns, 2), rows=max(rows, 2))
+        for discs in groups:
+            members = _grid_of(discs, other, tries=1)
             if members is not None:
                 place = where(np.array([d.centre for d in discs])[members])
                 return (
                     f"found a grid of {columns} × {rows} circles at {place}, [board] says {asked} "
                     "– correct columns and rows, or bring the whole board into view"
                 )
-    dark = sum(c.contrast > 0 for c in candidates)
+    dark, light = (len(discs) for discs in groups)
     return (
-        f"no grid of {asked} circles found: {dark} dark and {len(candidates) - dark} light discs "
-        "are in the picture – bring the whole board into view, sharp and evenly lit"
+        f"no grid of {asked} circles found: {dark} dark and {light} light discs are in the picture "
+        "– bring the whole board into view, sharp and evenly lit"
     )
+
+
+def _flipped(discs: Sequence[Candidate]) -> list[Candidate]:
+    """The discs as a mirror shows them."""
+    return [replace(d, centre=d.centre * np.array([-1.0, 1.0])) for d in discs]

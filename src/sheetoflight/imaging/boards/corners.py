@@ -54,7 +54,7 @@ def corner_std(picture: GreyPicture, uv: Array, window: NDArray[np.int64]) -> Ar
     """Standard uncertainty ``(M,)`` px of refined corners, from the grey values' noise.
 
     The corner q solves ``Σ w g gᵀ (q − p) = 0`` over the pixels p of the window with slopes g.
-    To first order the noise of the grey values moves it by ``G⁻¹ Σ w g (δg · (p − q))``,
+    To first order the noise of the grey values moves it by ``G⁻¹ δ Σ w g gᵀ (p − q)``,
     ``G = Σ w g gᵀ``; each grey value has a part in the slopes of its four neighbours. What is left
     without noise is added as independent.
     """
@@ -73,27 +73,35 @@ def _spread(values: Picture, uv: Array, size: int) -> Array:
     rows = np.clip(whole[:, 1, None] + reach, 0, values.shape[0] - 1)
     columns = np.clip(whole[:, 0, None] + reach, 0, values.shape[1] - 1)
     patch = values[rows[:, :, None], columns[:, None, :]].astype(float)
-    slope = np.stack(
-        [patch[:, 1:-1, 2:] - patch[:, 1:-1, :-2], patch[:, 2:, 1:-1] - patch[:, :-2, 1:-1]], axis=-1
-    ) / 2  # fmt: skip
+    along_u = (patch[:, 1:-1, 2:] - patch[:, 1:-1, :-2]) / 2
+    along_v = (patch[:, 2:, 1:-1] - patch[:, :-2, 1:-1]) / 2
+    slope = np.stack([along_u, along_v], axis=-1)
     inner = np.arange(-size, size + 1)
     offset = np.stack(np.meshgrid(inner, inner), axis=-1) - (uv - whole)[:, None, None, :]
     bell = np.exp(-((inner / size) ** 2))
     weighted = slope * (bell[:, None] * bell)[..., None]
     information = np.einsum("mijk,mijl->mkl", weighted, slope)
-    noise = np.einsum("mijk,mijl->mkl", *2 * (_by_grey_value(weighted, offset),))
+    by_grey_value = _by_grey_value(weighted, offset)
+    noise = np.einsum("mijk,mijl->mkl", by_grey_value, by_grey_value)
     return _root_mean(information, noise)
 
 
 def _by_grey_value(weighted: Array, offset: Array) -> Array:
-    """Derivative ``(M, n, n, 2)`` of ``Σ w g (δg · offset)`` by each grey value of the patch."""
+    """Derivative ``(M, n, n, 2)`` of ``Σ w g (g · offset)`` by each grey value of the patch.
+
+    weighted : w g, ``(M, n − 2, n − 2, 2)``; offset : from the corner, of the same shape, px.
+    """
     count, side = weighted.shape[:2]
     derivative = np.zeros((count, side + 2, side + 2, 2))
-    along_u, along_v = weighted * offset[..., :1] / 2, weighted * offset[..., 1:] / 2
-    derivative[:, 1:-1, 2:] += along_u
-    derivative[:, 1:-1, :-2] -= along_u
-    derivative[:, 2:, 1:-1] += along_v
-    derivative[:, :-2, 1:-1] -= along_v
+    along_u, along_v = weighted * offset[..., :1], weighted * offset[..., 1:]
+    # On a blurred edge the slopes beside its middle line are not square to the way to the corner.
+    skew = (weighted * offset).sum(axis=-1)
+    along_u[..., 0] += skew
+    along_v[..., 1] += skew
+    derivative[:, 1:-1, 2:] += along_u / 2
+    derivative[:, 1:-1, :-2] -= along_u / 2
+    derivative[:, 2:, 1:-1] += along_v / 2
+    derivative[:, :-2, 1:-1] -= along_v / 2
     return derivative
 
 

@@ -9,6 +9,8 @@ import numpy as np
 
 from sheetoflight.geometry.directions import Array
 
+_MOST_UNEVEN = 0.2
+
 
 def steps(grid: Array) -> tuple[Array, Array]:
     """Vectors ``(rows, columns, 2)`` px from each point to the next column and the next row."""
@@ -31,6 +33,18 @@ def room(grid: Array) -> Array:
     a, b = steps(grid)
     area = np.abs(cross(a, b))
     return area / np.maximum(np.abs(a).sum(axis=-1), np.abs(b).sum(axis=-1))
+
+
+def is_even(grid: Array) -> bool:
+    """Whether each point lies about midway between its neighbours, as perspective, lenses and
+    bent boards leave it, and a grid put together wrongly does not."""
+    for g in (grid, grid.transpose(1, 0, 2)):
+        if len(g) < 3:
+            continue
+        off = np.linalg.norm(g[:-2] - 2.0 * g[1:-1] + g[2:], axis=-1)
+        if (off > _MOST_UNEVEN * np.linalg.norm(g[2:] - g[:-2], axis=-1)).any():
+            return False
+    return True
 
 
 def spacing(grid: Array) -> float:

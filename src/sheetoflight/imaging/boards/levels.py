@@ -42,6 +42,15 @@ def at_working_size(values: Picture) -> tuple[Picture, float]:
     return levels[level], 2.0**level
 
 
+def at_quick_size(values: Picture) -> tuple[EightBit, float]:
+    """The picture at half its working size where that leaves enough of it, and the width of its
+    pixels in px."""
+    work, size = at_working_size(values)
+    if min(work.shape) < 2 * _SMALLEST_SIDE:
+        return eight_bit(work), size
+    return eight_bit(np.asarray(cv2.pyrDown(work), dtype=np.float32)), 2.0 * size
+
+
 def shown(values: Picture) -> Iterator[tuple[EightBit, float]]:
     """Forms of a picture in the order in which they are worth a look, with their pixels' width.
 

@@ -9,21 +9,25 @@ from sheetoflight.geometry.directions import Array
 from sheetoflight.imaging.boards.grid import one_more
 from sheetoflight.imaging.boards.levels import at_working_size, brightened, eight_bit
 from sheetoflight.imaging.boards.second_board import where
+from sheetoflight.imaging.boards.sharpness import too_blurred
 from sheetoflight.imaging.markers.grey import Picture
 from sheetoflight.model.board import PlanarBoard
 
 _FEWEST = 3
+_FULL, _MUCH = 254.5, 0.05
+_ENOUGH = 20
+"""Corners; smaller grids are seen in any texture."""
 
 
 def why_not_found(values: Picture, board: PlanarBoard) -> str:
     """Why a chessboard of the stated size was not found, and what to do."""
     asked = f"{board.columns} × {board.rows}"
     grid = _any_grid(values)
-    if grid is None:
-        return (
-            f"no chessboard of {asked} inner corners found – bring the whole board into view, "
-            "evenly lit and sharp, with a light border around it"
-        )
+    if grid is None or grid.size // 2 < min(_ENOUGH, board.columns * board.rows // 3):
+        return f"no chessboard of {asked} inner corners found – {_hint(values)}"
+    blurred = too_blurred(values, grid)
+    if blurred is not None:
+        return blurred
     rows, columns = grid.shape[:2]
     found = f"{max(rows, columns)} × {min(rows, columns)}"
     if board.columns < board.rows:
@@ -39,6 +43,16 @@ def why_not_found(values: Picture, board: PlanarBoard) -> str:
         "columns and rows (inner corners, not squares), or uncover the board: glare, the laser "
         "line or a hand may hide the rest"
     )
+
+
+def _hint(values: Picture) -> str:
+    full = float(np.mean(values >= _FULL))
+    if full > _MUCH:
+        return (
+            f"{full:.0%} of the picture is full white: make the laser or the lamp less bright, or "
+            "take a picture with the laser off"
+        )
+    return "bring the whole board into view, evenly lit and sharp, with a light border around it"
 
 
 def inside(uv: Array, shape: tuple[int, ...]) -> np.ndarray:

@@ -27,6 +27,7 @@ _FINDERS: dict[BoardKind, Callable[[GreyPicture, PlanarBoard], FoundPoints | str
 _FEWEST = 8
 """Points; a plane's view leaves its homography eight numbers, that is four points."""
 
+
 def find_board(
     picture: NDArray[Any], board: PlanarBoard, picture_on: NDArray[Any] | None = None
 ) -> BoardSearch:

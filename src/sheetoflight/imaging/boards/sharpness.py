@@ -6,10 +6,24 @@ import numpy as np
 
 from sheetoflight.geometry.directions import Array
 from sheetoflight.imaging.boards.saddles import read_at
+from sheetoflight.imaging.boards.second_board import where
 from sheetoflight.imaging.markers.grey import Picture
 
 _ACROSS = np.linspace(-0.45, 0.45, 37)
 _ALONG = np.linspace(0.3, 0.7, 5)
+_WIDEST = 0.4
+"""Beyond this a corner's window holds no straight edges any more, and its error grows steeply."""
+
+
+def too_blurred(values: Picture, grid: Array) -> str | None:
+    """Why the corners cannot be measured, if the picture is too blurred for it."""
+    width = edge_width(values, grid)
+    if width <= _WIDEST:
+        return None
+    return (
+        f"the picture is blurred: the squares' edges at {where(grid)} are {width:.0%} of a square "
+        "wide – hold the board still, and focus on it"
+    )
 
 
 def edge_width(values: Picture, grid: Array) -> float:

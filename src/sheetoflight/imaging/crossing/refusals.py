@@ -81,8 +81,8 @@ def refuse_moved(strip: Strip, rough: RoughLine, options: SpotOptions) -> None:
     std = left * float(np.sqrt(np.trace(np.linalg.pinv(design.T @ design)[:2, :2])))
     if moved > options.most_moved_px and moved > _SIGNIFICANT * std:
         raise NoSpotError(
-            f"the target moved by {moved:.1f} px between the pictures with the laser off and on; "
-            "take both without touching it"
+            f"the target moved by about {moved:.1f} px between the pictures with the laser off and "
+            "on; take both without touching it"
         )
 
 
