@@ -78,6 +78,11 @@ class BoardEvidence:
         return proportions(self.views.stds)[0]
 
     @property
+    def corner_std(self) -> float:
+        """Standard uncertainty of a typical point's image coordinate, px."""
+        return float(np.sqrt(self.variances[CORNER]))
+
+    @property
     def observed(self) -> int:
         """Number of image coordinates of points, and of points of lines."""
         lines = 0 if self.lines is None else int(self.lines.counts.sum())

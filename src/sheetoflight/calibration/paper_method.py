@@ -110,7 +110,7 @@ def _paper_influence(
                 own += np.outer(slope, slope) * variances[view, marker]
     component = None if rig.pixel_std else COMPONENTS[PIXEL]
     return Influence(
-        sheet_names(1), (("sheet", component, own),), by_marker, np.zeros(3)
+        sheet_names(1), (("sheet", component, own),), by_marker, np.zeros(3), np.zeros((3, 0, 3))
     ), by_camera
 
 

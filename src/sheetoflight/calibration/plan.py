@@ -212,7 +212,13 @@ def predicted_covariance(planned: PlannedRig, told: Told) -> Covariance:
         if placement.any():
             noise.append(("placement", None, gain @ placement @ gain.T))
     names = tuple(np.array(planned.parameters)[kept].tolist())
-    influence = Influence(names, tuple(noise), -gain @ told.by_marker[0], np.zeros(len(names)))
+    influence = Influence(
+        names,
+        tuple(noise),
+        -gain @ told.by_marker[0],
+        np.zeros(len(names)),
+        np.zeros((len(names), 0, 3)),
+    )
     rig = planned.rig
     return covariance_of(influence, planned.state, rig.lasers, rig.target, NoiseComponents())
 

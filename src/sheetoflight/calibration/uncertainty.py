@@ -10,7 +10,7 @@ that lies ds from where it is said to lie moves the residuals by ``Z ds`` and th
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -24,6 +24,7 @@ from sheetoflight.calibration.components import (
     STRIPE,
 )
 from sheetoflight.calibration.fitting import Fit, undetermined
+from sheetoflight.calibration.printed_points import PrintErrors, by_printed_point, print_errors
 from sheetoflight.calibration.rig_state import CAMERA, RigState, sheet_names
 from sheetoflight.geometry.directions import Array
 from sheetoflight.model.board import Board
@@ -59,12 +60,18 @@ class Influence:
         How the estimates move with the position of each marker, per mm.
     by_size : (P,) array
         How they move with the relative size of the boards.
+    by_print : (P, M, 3) array
+        How they move with the place of each of the boards' points, per mm.
+    printed : PrintErrors
+        How far these points are off, by the residuals.
     """
 
     names: tuple[str, ...]
     noise: tuple[tuple[str, str | None, Array], ...]
     by_marker: Array
     by_size: Array
+    by_print: Array
+    printed: PrintErrors = field(default_factory=PrintErrors)
 
 
 def influence(fit: Fit, names: Sequence[str], stage: str) -> Influence:
@@ -94,7 +101,14 @@ def influence(fit: Fit, names: Sequence[str], stage: str) -> Influence:
         noise.append((source, COMPONENTS[k] if estimated else None, part))
     by_marker = -gain @ model.information[:size, size : size + markers]
     by_size = -gain @ model.information[:size, size + markers]
-    return Influence(tuple(names), tuple(noise), by_marker, by_size)
+    by_print, printed = np.zeros((len(names), 0, 3)), PrintErrors()
+    if fit.adjustment.boards is not None:
+        now = fit.noise.adjustment(
+            fit.rig, fit.adjustment.stages, fit.adjustment.parameters, fit.state
+        )
+        by_print = by_printed_point(now, fit.state, gain)
+        printed = print_errors(fit.adjustment.boards, fit.state)
+    return Influence(tuple(names), tuple(noise), by_marker, by_size, by_print, printed)
 
 
 def marker_moves(fit: Fit) -> dict[str, list[Array]]:
@@ -131,7 +145,19 @@ def chained(first: Influence, second: Influence, slope: Array) -> Influence:
         tuple(noise),
         down @ first.by_marker + aside @ second.by_marker,
         down @ first.by_size + aside @ second.by_size,
+        _chained_print(first, second, down, aside),
+        second.printed if second.by_print.size else first.printed,
     )
+
+
+def _chained_print(first: Influence, second: Influence, down: Array, aside: Array) -> Array:
+    """Boards' points move both, where both saw boards."""
+    parts = [
+        np.einsum("qp,pmk->qmk", change, part.by_print)
+        for change, part in ((down, first), (aside, second))
+        if part.by_print.size
+    ]
+    return np.sum(parts, axis=0) if parts else np.zeros((len(down), 0, 3))
 
 
 def covariance_of(
@@ -158,9 +184,23 @@ def covariance_of(
     if board is not None and board.scale_std > 0:
         sized = change @ influence.by_size * board.scale_std
         sources.append(Source("board length", np.outer(sized, sized)))
+    sources += _print_sources(change, influence, board)
     sources = [replace(s, matrix=0.5 * (s.matrix + s.matrix.T)) for s in sources]
     whole = np.sum([source.matrix for source in sources], axis=0)
     return Covariance(names, whole, tuple(sources), components)
+
+
+def _print_sources(change: Array, influence: Influence, board: Board | None) -> list[Source]:
+    """What the points of a board that lie off do: as stated, or as the residuals show."""
+    if board is None or not influence.by_print.size:
+        return []
+    moved = np.einsum("qp,pmk->qmk", change, influence.by_print)
+    size = np.full(3, board.tolerance_mm or 0.0)
+    if board.tolerance_mm is None:
+        printed = influence.printed
+        size = np.array([printed.in_plane_mm, printed.in_plane_mm, printed.out_of_plane_mm])
+    flat = (moved * size).reshape(len(moved), -1)
+    return [Source("board print", flat @ flat.T)] if size.any() else []
 
 
 def _public(

@@ -42,6 +42,8 @@ class PlanarBoard:
         Distance between neighbouring points along x and along y, mm.
     scale_std : float
         Relative standard uncertainty of the whole board's size.
+    tolerance_mm : float, optional
+        Standard uncertainty of each point's place, mm; estimated from the residuals where absent.
     staggered : bool
         Whether a grid of circles is staggered.
     circle_mm : float, optional
@@ -68,6 +70,7 @@ class PlanarBoard:
     rows: int
     pitch_mm: tuple[float, float]
     scale_std: float = 0.0
+    tolerance_mm: float | None = None
     staggered: bool = False
     circle_mm: float | None = None
     dictionary: str = "DICT_4X4_50"
@@ -89,7 +92,7 @@ class PlanarBoard:
             raise InputError(
                 f"pitch_mm is {list(pitch)}", "give the distances along x and y, above zero"
             )
-        _check_scale(self.scale_std)
+        _check_uncertainties(self.scale_std, self.tolerance_mm)
         if self.staggered and self.kind != "circles":
             raise InputError(f"a {self.kind} cannot be staggered", "leave staggered out")
         for name in ("circle_mm", "marker_mm"):
@@ -146,6 +149,8 @@ class SolidTarget:
         For each face the numbers of three or more points that lie in it.
     scale_std : float
         Relative standard uncertainty of the whole body's size.
+    tolerance_mm : float, optional
+        Standard uncertainty of each point's place, mm; estimated from the residuals where absent.
 
     Raises
     ------
@@ -157,6 +162,7 @@ class SolidTarget:
     points: Array
     face_points: Sequence[Sequence[int]] = ()
     scale_std: float = 0.0
+    tolerance_mm: float | None = None
 
     def __post_init__(self) -> None:
         points = np.array(self.points, dtype=float)
@@ -173,7 +179,7 @@ class SolidTarget:
                 f"give at least {_FEWEST_POINTS} that do not; a flat target is a board",
             )
         object.__setattr__(self, "face_points", tuple(tuple(face) for face in self.face_points))
-        _check_scale(self.scale_std)
+        _check_uncertainties(self.scale_std, self.tolerance_mm)
         _ = self.faces
 
     @cached_property
@@ -202,10 +208,14 @@ Board = PlanarBoard | SolidTarget
 """Whatever has known points and flat faces."""
 
 
-def _check_scale(scale_std: float) -> None:
+def _check_uncertainties(scale_std: float, tolerance_mm: float | None) -> None:
     if not (math.isfinite(scale_std) and 0 <= scale_std < 0.1):
         raise InputError(
             f"scale_std is {scale_std}",
             "give the relative standard uncertainty of the board's size: 0.001 for one in a "
             "thousand",
+        )
+    if tolerance_mm is not None and not (math.isfinite(tolerance_mm) and tolerance_mm >= 0):
+        raise InputError(
+            f"tolerance_mm is {tolerance_mm}", "give a standard uncertainty of 0 or more, or none"
         )

@@ -78,7 +78,7 @@ def test_numbering_follows_the_right_hand_and_the_dark_corner_square(roll):
 
 @pytest.mark.parametrize("size", [(6, 8), (5, 5), (6, 6)])
 def test_boards_with_equal_ends_are_numbered_right_handed_from_the_upper_left(size):
-    board = PlanarBoard("chessboard", *size, (20.0, 20.0))
+    board = replace(BOARD, columns=size[0], rows=size[1])
     matrix = view(board, tilt=0.2, roll=2.9, distance=500.0)
     uv = sighted(draw(board, matrix, samples=3), board).uv
     assert cross(board, uv) > 0
@@ -198,7 +198,7 @@ def test_motion_in_one_direction_is_blur_too():
 
 
 def test_a_very_broad_bright_line_leaves_too_little():
-    v, u = np.indices((480, 640))
+    v = np.arange(480.0)[:, None]
     line = 900.0 * np.exp(-0.5 * ((v - 240.0) / 25.0) ** 2)
     assert "the laser" in reason(photographed(oblique_light() + line))
 

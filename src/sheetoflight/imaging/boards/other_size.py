@@ -29,6 +29,11 @@ def why_not_found(values: Picture, board: PlanarBoard) -> str:
     if blurred is not None:
         return blurred
     rows, columns = grid.shape[:2]
+    if {rows, columns} == {board.columns, board.rows}:
+        return (
+            f"the board at {where(grid)} shows too few clear corners – light it evenly, without "
+            "glare, or make the laser less bright"
+        )
     found = f"{max(rows, columns)} × {min(rows, columns)}"
     if board.columns < board.rows:
         found = f"{min(rows, columns)} × {max(rows, columns)}"
