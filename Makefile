@@ -55,7 +55,7 @@ bench: $(VENV)/dev.stamp  ## Speed and accuracy against peers and bounds
 	done
 
 lock: $(VENV)/dev.stamp  ## Renew requirements/ (needs a package index)
-	$(LOCK) --upgrade --group dev --output-file requirements/dev.txt
+	$(LOCK) --upgrade --extra cluster --group dev --output-file requirements/dev.txt
 	$(LOCK) --upgrade --group build --constraint requirements/dev.txt \
 		--output-file requirements/run.txt
 

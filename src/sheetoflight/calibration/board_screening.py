@@ -18,6 +18,7 @@ from sheetoflight.calibration.line_consensus import FacePlanes, agreed_pieces, s
 from sheetoflight.calibration.rig_state import RigState
 from sheetoflight.calibration.wrong_points import FALSE_ALARM
 from sheetoflight.errors import UntrustworthyError
+from sheetoflight.estimation.block_least_squares import Solution
 from sheetoflight.geometry.directions import Array
 from sheetoflight.model.board import PlanarBoard
 from sheetoflight.model.board_views import BoardViews, LinePixels
@@ -30,6 +31,15 @@ _PER_NORMAL = 1.1774
 _VIEW_FACTOR = 5.0
 """How many times the median view's residuals a view's may be: boards bend and pictures blur, but
 not so much in one view alone."""
+
+_PRINTED = 0.2
+"""Share of the views in which a point must be off before it is thought to be misprinted."""
+
+_SHOWN = 5
+"""Names that are listed one by one."""
+
+_ALIKE = 0.02
+"""Relative difference of standard uncertainties that is none."""
 
 _ROUNDING_PX = 1e-4
 _ROUNDS = 6
@@ -82,9 +92,28 @@ def screened_boards(rig: Rig) -> ScreenedBoards:
             )
         rig = with_board_views(rig, views.without(mask).take(~lost))
         solution = boards_alone(rig)
+    rig, solution = _honestly_weighed(rig, solution)
     state = solution.state
     rig, stray = _in_the_sheets(rig, state)
     return ScreenedBoards(rig, state, (*wrong, *stray))
+
+
+def _honestly_weighed(rig: Rig, solution: Solution[RigState]) -> tuple[Rig, Solution[RigState]]:
+    """The rig with standard uncertainties of the points that hold what no detector can know.
+
+    A detector derives them from the grey values' noise. Where the residuals are larger, something
+    else moves the points as well – print, light, lens – and moves all of them alike.
+    """
+    views, sizes = rig.observations.board, _sizes(rig, solution.state)
+    std = views.stds[views.seen]
+    if not np.isfinite(std).all() or np.ptp(std) <= _ALIKE * std.mean():
+        return rig, solution
+    freedom = max(2 * len(std) - 6 * len(views), 1)
+    excess = max(float(np.nansum(sizes**2)) / freedom - float(np.mean(std**2)), 0.0)
+    if excess <= _ALIKE * float(np.mean(std**2)):
+        return rig, solution
+    rig = with_board_views(rig, replace(views, std=np.sqrt(views.stds**2 + excess)))
+    return rig, boards_alone(rig)
 
 
 def with_board_views(rig: Rig, views: BoardViews) -> Rig:
@@ -137,6 +166,8 @@ def _wrong_points(rig: Rig, state: RigState) -> tuple[np.ndarray, np.ndarray]:
     scale = np.maximum(np.where(lost, typical, own), typical)
     limit = np.sqrt(float(chdtri(2, FALSE_ALARM / max(int(seen.sum()), 1)))) * scale
     mask = seen & (np.nan_to_num(sizes) > limit[:, None]) & ~lost[:, None]
+    # what is off in many views is off on the board: no detection is wrong (`printed_points`)
+    mask &= mask.sum(axis=0) < np.maximum(2, _PRINTED * seen.sum(axis=0))
     left = (seen & ~mask).sum(axis=1)
     lost |= left < np.maximum(_FEWEST, 0.5 * seen.sum(axis=1))
     return mask & ~lost[:, None], lost
@@ -168,19 +199,32 @@ def _in_the_sheets(rig: Rig, state: RigState) -> tuple[Rig, tuple[str, ...]]:
     xy = state.camera.unproject(line.uv)[:, :2]
     focal = 0.5 * (state.camera.alpha + state.camera.beta)
     kept = np.zeros(len(line), dtype=bool)
-    words = []
+    lost: list[str] = []
     for laser in np.unique(line.laser):
         groups = _lines_of(line, int(laser))
         pieces = [straight_pieces(xy[own], focal, printed[own], k) for k, own in enumerate(groups)]
         firsts = np.array([own[0] for own in groups])
-        chosen = agreed_pieces(pieces, _faces(rig, state, line.take(firsts)), focal)
+        chosen = agreed_pieces(pieces, _faces(rig, state, line.take(firsts)), focal, len(views))
         for own, cut, number in zip(groups, pieces, chosen, strict=True):
             if number is None:
-                name = views.names[line.view[own[0]]]
-                words.append(f"the line of view {name} of stage board (not in the others' sheet)")
+                lost.append(views.names[line.view[own[0]]])
             else:
                 kept[own[cut[number].points]] = True
-    return with_board_views(rig, replace(views, line=line.take(kept))), tuple(words)
+    words = (_lost_lines(lost, kept.any()),) if lost else ()
+    return with_board_views(rig, replace(views, line=line.take(kept))), words
+
+
+def _lost_lines(names: list[str], others: bool) -> str:
+    which = ", ".join(names[:_SHOWN]) + (
+        f" and {len(names) - _SHOWN} more" if len(names) > _SHOWN else ""
+    )
+    many = "s" if len(names) > 1 else ""
+    if others:
+        return f"the line{many} of view{many} {which} of stage board (not in the others' sheet)"
+    return (
+        f"what looks like a line in view{many} {which} of stage board (in no common sheet: right "
+        "if the laser was off)"
+    )
 
 
 def _lines_of(line: LinePixels, laser: int) -> list[np.ndarray]:

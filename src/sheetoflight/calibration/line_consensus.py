@@ -34,6 +34,15 @@ _AGREED_PX = 6.0
 """Distance of a piece from the image of the sheet's line on its board beyond which it says nothing
 for a sheet: boards bend, and sheets are not quite flat."""
 
+_AGREED_SHARE = 0.3
+"""Share of the lines that must agree on one sheet: edges and scratches agree by chance."""
+
+_LINED_SHARE = 0.15
+"""The same of all views: where hardly a picture shows a line, the laser was off."""
+
+_EDGE_ON = 0.01
+"""Distance of a sheet from the camera, as a part of the boards', that is as good as none."""
+
 _LINE_FACTOR = 5.0
 """How many times farther off than the median piece a piece may lie."""
 
@@ -156,7 +165,9 @@ class FacePlanes:
     offset: Array
 
 
-def agreed_pieces(pieces: list[list[Piece]], faces: FacePlanes, focal: float) -> list[int | None]:
+def agreed_pieces(
+    pieces: list[list[Piece]], faces: FacePlanes, focal: float, views: int
+) -> list[int | None]:
     """For every line the number of its piece that lies in the sheet of most; None where none does.
 
     Parameters
@@ -165,6 +176,8 @@ def agreed_pieces(pieces: list[list[Piece]], faces: FacePlanes, focal: float) ->
     faces : FacePlanes
     focal : float
         px per unit of normalised coordinates.
+    views : int
+        How many views there are, with a line or without.
     """
     owner = np.array([k for k, own in enumerate(pieces) for _ in own], dtype=int)
     every = [piece for own in pieces for piece in own]
@@ -176,9 +189,18 @@ def agreed_pieces(pieces: list[list[Piece]], faces: FacePlanes, focal: float) ->
         points = rays * (offset[:, None] / np.einsum("pei,pi->pe", rays, normal))[..., None]
     weight = np.array([p.weight for p in every])
     sheets = _candidates(points, owner, weight)
+    if not len(sheets):
+        return [None] * len(pieces)
     errors = _errors(sheets, rays, normal, offset, focal)
     best = int(_scores(errors, owner, weight).argmin())
-    return _chosen(errors[best], owner, len(pieces))
+    chosen = _chosen(errors[best], owner, len(pieces))
+    agreed = sum(number is not None for number in chosen)
+    return chosen if agreed >= _least_agreed(len(pieces), views) else [None] * len(pieces)
+
+
+def _least_agreed(lines: int, views: int) -> int:
+    """How many of so many lines must agree on a sheet: any two do."""
+    return 2 if views == 2 else max(3, round(_AGREED_SHARE * lines), round(_LINED_SHARE * views))
 
 
 def _candidates(points: Array, owner: np.ndarray, weight: Array) -> Array:
@@ -192,7 +214,10 @@ def _candidates(points: Array, owner: np.ndarray, weight: Array) -> Array:
     corners = corners[np.isfinite(corners).all(axis=(1, 2))]
     middle = corners.mean(axis=1)
     normal = np.linalg.svd(corners - middle[:, None], full_matrices=False)[2][:, 2]
-    return np.column_stack([normal, np.einsum("si,si->s", normal, middle)])
+    sheets = np.column_stack([normal, np.einsum("si,si->s", normal, middle)])
+    # an edge of the scenery stands at one place of all pictures, in a plane through the camera
+    far = np.linalg.norm(middle, axis=1)
+    return sheets[np.abs(sheets[:, 3]) > _EDGE_ON * far]
 
 
 def _errors(sheets: Array, rays: Array, normal: Array, offset: Array, focal: float) -> Array:

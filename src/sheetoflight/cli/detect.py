@@ -15,13 +15,14 @@ def detect(folder: Path, /, *, json: AsJson = False) -> None:
     Parameters
     ----------
     folder
-        The rig folder, with rig.toml and pictures in camera/ and plane/.
+        The rig folder, with rig.toml and pictures in camera/, plane/, crossing/ or board/.
     json
         Print the result as JSON.
     """
     with on_all_cores() as run:
         detection = detect_folder(folder, run)
-    counts = {stage: len(views) for stage, views in detection.rig.observations.stages().items()}
+    observations = detection.rig.observations
+    counts = observations.counts()
     if json:
         missed = [
             {"stage": missed.stage, "view": missed.view, "reason": missed.reason}
@@ -30,14 +31,25 @@ def detect(folder: Path, /, *, json: AsJson = False) -> None:
         tell_json({"file": str(folder / POINTS), "seen": counts, "missed": missed})
         return
     for stage in STAGES:
-        if stage not in counts:
+        if stage not in counts and "board" not in counts:
             warn(f"{folder} has no folder {stage}/ with pictures")
     for missed in detection.missed:
         warn(f"{missed.stage}/{missed.view}: {missed.reason}")
     for stage, count in counts.items():
         lost = sum(missed.stage == stage for missed in detection.missed)
-        if stage in STAGES:
-            tell(f"{stage}: target found in {count} of {count + lost} pictures")
-        else:
+        if stage in detection.kept:
             tell(f"{stage}: {count} {'view' if count == 1 else 'views'} kept from {POINTS}")
+        else:
+            tell(f"{stage}: {_SEEN[stage]} found in {count} of {count + lost} pictures")
+    lined = len(set(observations.board.line.view.tolist()))
+    if lined:
+        tell(f"board: the laser's line in {lined} of them")
     tell(f"written to {folder / POINTS}")
+
+
+_SEEN = {
+    "camera": "target",
+    "plane": "target",
+    "crossing": "target and spot",
+    "board": "board",
+}

@@ -81,6 +81,15 @@ Example: sol stripe profiles.npy --scan columns --detector centroid -o stripe.cs
     "reconstruct": """The laser line in space: a point cloud with the uncertainty of every point.
 
 Example: sol reconstruct calibration.json rig/measure -o cloud.ply""",
+    "compare": """All methods of calibration side by side on one simulated rig.
+
+Equal numbers of pictures, equal noise: errors of the sheet and of lengths, their share of the
+Cramér–Rao bound, whether the intervals hold, time. The trials run on all cores, or on a dask
+cluster.
+
+Example: sol compare -o comparison.csv --report comparison.html
+
+Example: sol compare --case paper --scheduler tcp://127.0.0.1:8786""",
     "report": """One self-contained page: the numbers, figures to turn, what was used.
 
 Example: sol report calibration.json rig/measure -o report.html""",

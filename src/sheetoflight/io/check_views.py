@@ -10,6 +10,7 @@ import numpy as np
 
 from sheetoflight.errors import InputError
 from sheetoflight.io.quoting import one_line
+from sheetoflight.model.board_views import BoardViews
 from sheetoflight.model.observations import TargetViews
 from sheetoflight.model.rig import Rig
 
@@ -29,10 +30,14 @@ def check_views(rig: Rig) -> None:
         points = [*markers, *spots] if stage == "crossing" else markers
         _refuse_outside(views, stage, points, rig.image_size)
         _refuse_copies(views, stage)
+    boards = rig.observations.board
+    numbers = [f"point {number}" for number in range(boards.uv.shape[1])]
+    _refuse_outside(boards, "board", numbers, rig.image_size)
+    _refuse_copies(boards, "board")
 
 
 def _refuse_outside(
-    views: TargetViews, stage: str, points: list[str], image_size: tuple[int, int]
+    views: TargetViews | BoardViews, stage: str, points: list[str], image_size: tuple[int, int]
 ) -> None:
     width, height = image_size
     within = ((views.uv >= -0.5) & (views.uv <= np.array([width, height]) - 0.5)).all(axis=-1)
@@ -45,7 +50,7 @@ def _refuse_outside(
         )
 
 
-def _refuse_copies(views: TargetViews, stage: str) -> None:
+def _refuse_copies(views: TargetViews | BoardViews, stage: str) -> None:
     first: dict[bytes, str] = {}
     for name, uv, seen in zip(views.names, views.uv, views.seen, strict=True):
         if not seen.any():

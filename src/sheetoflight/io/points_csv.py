@@ -1,8 +1,8 @@
 """``points.csv``: the image points of markers and of the laser's spots, one a row.
 
-Header ``view,stage,marker,u,v``, further columns ``std`` (px), ``laser`` (a laser's name) and
-``x,y,z`` (mm) as wanted. Rows come in any order. A marker that was not seen has no row, so a view
-without any seen marker is not part of the file.
+Header ``view,stage,marker,u,v``, further columns ``std`` (px), ``laser`` (a laser's name), ``face``
+(a number) and ``x,y,z`` (mm) as wanted. Rows come in any order. A marker that was not seen has no
+row, so a view without any seen marker is not part of the file.
 """
 
 from __future__ import annotations
@@ -15,16 +15,18 @@ import numpy as np
 
 from sheetoflight.errors import InputError
 from sheetoflight.io.atomic import write_whole
+from sheetoflight.io.board_points import BoardRows, board_rows
 from sheetoflight.io.csv_table import Row, read_table, table_text
 from sheetoflight.io.quoting import file_name, shown
+from sheetoflight.model.board import Board
 from sheetoflight.model.observations import Observations, TargetViews
 from sheetoflight.model.rig import Rig
 from sheetoflight.model.target import CollinearTarget
 
 COLUMNS = ("view", "stage", "marker", "u", "v")
-OPTIONAL_COLUMNS = ("std", "laser", "x", "y", "z")
+OPTIONAL_COLUMNS = ("std", "laser", "face", "x", "y", "z")
 STAGES = ("camera", "plane", "crossing")
-STAGES_NOT_ADJUSTED = ("board",)
+BOARD = "board"
 SPOT = "laser"
 """What column ``marker`` says of the spot where a sheet crosses the target."""
 
@@ -44,21 +46,27 @@ _Views = dict[str, _View]
 
 
 def read_points(
-    path: str | Path, target: CollinearTarget, lasers: Sequence[str] = Rig.lasers
+    path: str | Path,
+    target: CollinearTarget | None,
+    lasers: Sequence[str] = Rig.lasers,
+    board: Board | None = None,
 ) -> Observations:
-    """Detections of the target's markers, and of the lasers' spots on it.
+    """Detections of the target's markers, of boards, and of the lasers' light on either.
 
-    Column ``laser`` names the sheet that a view of stage plane lies in, or that a spot belongs
-    to. It may be empty or absent where there is one laser; in other rows it says nothing. Columns
-    ``x,y,z`` belong to points on a board: they must be numbers, and are not used here.
+    Column ``laser`` names the sheet that a view of stage plane lies in, or that a spot or a point
+    of a line belongs to. It may be empty or absent where there is one laser; in other rows it says
+    nothing. Columns ``x,y,z`` may say where a point is on its board: they must agree with
+    ``[board]``. Column ``face`` numbers the face of a solid body that a line's point lies on.
 
     Parameters
     ----------
     path : str or Path
-    target : CollinearTarget
-        Says how many markers a view may have.
+    target : CollinearTarget, optional
+        Says how many markers a view may have; only stage board may be there where absent.
     lasers : sequence of str
         Names of the rig's lasers.
+    board : Board, optional
+        Says which points stage board may have; the stage may not be there where absent.
 
     Returns
     -------
@@ -75,10 +83,20 @@ def read_points(
     FileError
         If the file cannot be read as text.
     """
-    markers = len(target.markers_mm)
+    markers = 0 if target is None else len(target.markers_mm)
     stages: dict[str, _Views] = {stage: {} for stage in STAGES}
+    boards = BoardRows(board)
     for row in read_table(path, COLUMNS, OPTIONAL_COLUMNS):
         stage = _stage(row)
+        if stage == BOARD:
+            on_line = row.cells["marker"].strip() == SPOT
+            boards.add(row, _laser(row, lasers, needed=on_line))
+            continue
+        if target is None:
+            raise InputError(
+                f"{row.place}: a point of stage {stage}, but rig.toml has no [target]",
+                "describe the target there, by markers_mm, or correct the stage to board",
+            )
         _add(row, stage, stages[stage], markers, lasers)
     for name, view in stages["crossing"].items():
         if max(view.points) < markers:
@@ -90,11 +108,15 @@ def read_points(
         camera=_target_views(stages["camera"], markers),
         plane=_target_views(stages["plane"], markers),
         crossing=_target_views(stages["crossing"], markers + len(lasers)),
+        board=boards.views(),
     )
 
 
 def write_points(
-    path: str | Path, observations: Observations, lasers: Sequence[str] = Rig.lasers
+    path: str | Path,
+    observations: Observations,
+    lasers: Sequence[str] = Rig.lasers,
+    board: Board | None = None,
 ) -> None:
     """Write ``points.csv``, whole or not at all; numbers come back exactly.
 
@@ -104,6 +126,8 @@ def write_points(
     observations : Observations
     lasers : sequence of str
         Names of the rig's lasers, in the order in which the observations number them.
+    board : Board, optional
+        Where the points of stage board are, mm: written beside them.
 
     Raises
     ------
@@ -114,30 +138,26 @@ def write_points(
         If the file cannot be written.
     """
     stages = observations.stages()
-    with_std = any(
-        views.std is not None and np.isfinite(views.std[views.seen]).any()
-        for views in stages.values()
-    )
-    columns = [*COLUMNS, *(["std"] if with_std else []), *(["laser"] if len(lasers) > 1 else [])]
     rows = [row for stage, views in stages.items() for row in _rows(stage, views, lasers)]
+    rows += board_rows(observations.board, board, lasers)
+    present = {column for row in rows for column, value in row.items() if value != ""}
+    if len(lasers) < 2:
+        present.discard("laser")
+    columns = [*COLUMNS, *(column for column in OPTIONAL_COLUMNS if column in present)]
     if not rows:
         raise InputError(
             f"there is no point to write to {file_name(path)}", "detect markers in a picture first"
         )
-    write_whole(path, table_text(columns, ([row[column] for column in columns] for row in rows)))
+    write_whole(
+        path, table_text(columns, ([row.get(column, "") for column in columns] for row in rows))
+    )
 
 
 def _stage(row: Row) -> str:
     stage = row.cells["stage"].strip()
-    if stage in STAGES_NOT_ADJUSTED:
+    if stage not in (*STAGES, BOARD):
         raise InputError(
-            f"{row.place}: points of stage {stage} are not adjusted by this version",
-            f"remove the rows of stage {stage}",
-        )
-    if stage not in STAGES:
-        raise InputError(
-            f"{row.place}: unknown stage {shown(stage)}",
-            f"use {', '.join(STAGES[:-1])} or {STAGES[-1]}",
+            f"{row.place}: unknown stage {shown(stage)}", f"use {', '.join(STAGES)} or {BOARD}"
         )
     return stage
 
@@ -148,7 +168,7 @@ def _add(row: Row, stage: str, views: _Views, markers: int, lasers: Sequence[str
     if spot and stage != "crossing":
         raise InputError(
             f"{row.place}: a point of marker {SPOT} stands in stage {stage}",
-            "correct the stage to crossing, or remove the row",
+            "correct the stage to crossing or board, or remove the row",
         )
     laser = _laser(row, lasers, needed=spot or stage == "plane")
     column = markers + laser if spot else _marker(row, markers)

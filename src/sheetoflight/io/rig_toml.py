@@ -5,10 +5,11 @@ from __future__ import annotations
 import json
 import tomllib
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass, fields
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
+import numpy as np
 from pydantic import Field
 
 from sheetoflight.errors import FileError, InputError
@@ -17,6 +18,7 @@ from sheetoflight.io.plan_table import PlanTable, SheetTable, planned_geometry
 from sheetoflight.io.quoting import file_name, one_line, shown
 from sheetoflight.io.reading import naming, read_text
 from sheetoflight.io.schema import StrictModel, validated
+from sheetoflight.model.board import Board, BoardKind, PlanarBoard, SolidTarget
 from sheetoflight.model.nominal import NominalGeometry
 from sheetoflight.model.observations import Observations
 from sheetoflight.model.rig import Rig
@@ -44,16 +46,31 @@ class _Target(StrictModel):
     expansion_std_per_K: float = CollinearTarget.expansion_std_per_K
 
 
-class _Board(StrictModel):
-    kind: Literal["chessboard", "circles", "charuco"]
+class _Uncertain(StrictModel):
+    scale_std: _NotNegative = PlanarBoard.scale_std
+    tolerance_mm: _NotNegative | None = PlanarBoard.tolerance_mm
+
+
+class _PlanarBoard(_Uncertain):
+    kind: BoardKind
     columns: _Count
     rows: _Count
     pitch_mm: Annotated[list[_Positive], Field(min_length=2, max_length=2)]
+    staggered: bool = PlanarBoard.staggered
+    circle_mm: _Positive | None = PlanarBoard.circle_mm
+    dictionary: str = PlanarBoard.dictionary
+    marker_mm: _Positive | None = PlanarBoard.marker_mm
+
+
+class _SolidTarget(_Uncertain):
+    kind: Literal["solid"]
+    points_mm: list[Annotated[list[float], Field(min_length=3, max_length=3)]]
+    faces: list[list[int]] = Field(default_factory=list)
 
 
 class _Camera(StrictModel):
     image_size: Annotated[list[_Pixels], Field(min_length=2, max_length=2)] | None = None
-    distortion: Literal["none", "radial1", "radial2", "brown"] = "none"
+    distortion: Literal["none", "radial1", "radial2", "brown"] | None = None
     skew: bool = Rig.skew
 
 
@@ -67,8 +84,8 @@ class _Noise(StrictModel):
 
 
 class _RigDocument(StrictModel):
-    target: _Target
-    board: _Board | None = None
+    target: _Target | None = None
+    board: Annotated[_PlanarBoard | _SolidTarget, Field(discriminator="kind")] | None = None
     camera: _Camera = _Camera()
     laser: Annotated[list[_Laser], Field(min_length=1)] = Field(
         default_factory=lambda: [_Laser(name=name) for name in Rig.lasers]
@@ -83,7 +100,8 @@ class RigFile:
 
     Parameters
     ----------
-    target : CollinearTarget
+    target : CollinearTarget or None
+        None where there is a board alone.
     image_size : (int, int) or None
         Width and height in px; None where the file leaves it to the pictures.
     distortion : {"none", "radial1", "radial2", "brown"}
@@ -99,9 +117,11 @@ class RigFile:
         The file it was read from.
     plan : NominalGeometry or None
         How the rig is meant to be built; None where the file does not say.
+    board : PlanarBoard, SolidTarget or None
+        What stage board shows.
     """
 
-    target: CollinearTarget
+    target: CollinearTarget | None
     image_size: tuple[int, int] | None
     distortion: str
     skew: bool
@@ -110,6 +130,12 @@ class RigFile:
     lasers: tuple[str, ...]
     path: str
     plan: NominalGeometry | None = None
+    board: Board | None = None
+
+    @property
+    def rod(self) -> CollinearTarget:
+        """The collinear target; an ordinary one where there is none, for stages without views."""
+        return self.target or CollinearTarget()
 
     def rig(
         self, observations: Observations | None = None, picture_size: tuple[int, int] | None = None
@@ -142,13 +168,14 @@ class RigFile:
                 "add image_size = [width, height]",
             )
         return Rig(
-            target=self.target,
+            target=self.rod,
             image_size=size,
             distortion=self.distortion,
             skew=self.skew,
             pixel_std=self.pixel_std,
             placement_std=self.placement_std,
             lasers=self.lasers,
+            board=self.board,
             observations=observations or Observations(),
             source=self.path,
         )
@@ -157,13 +184,14 @@ class RigFile:
 def read_rig_toml(path: str | Path) -> RigFile:
     """What ``rig.toml`` says of a rig.
 
-    A ``[board]`` is checked, and not used further: no method adjusts boards.
+    The distortion of the lens, where the file does not say, is ``brown`` with a board, whose many
+    points show it, and ``none`` without.
 
     Raises
     ------
     InputError
         For an unknown or missing key, a wrong type or value, a thermal expansion without the
-        uncertainty of the temperature; file and key are named.
+        uncertainty of the temperature, neither target nor board; file and key are named.
     FileError
         If the file cannot be read, or is not TOML; the line is named.
     """
@@ -171,16 +199,23 @@ def read_rig_toml(path: str | Path) -> RigFile:
     with naming(path):
         content = validated(_RigDocument, document)
         camera, noise = content.camera, content.noise
+        if content.target is None and content.board is None:
+            raise InputError(
+                "neither [target] nor [board] is there",
+                "describe the target with markers_mm, or the board with kind, columns, rows and "
+                "pitch_mm",
+            )
         return RigFile(
-            target=_target(content.target),
+            target=None if content.target is None else _target(content.target),
             image_size=(camera.image_size[0], camera.image_size[1]) if camera.image_size else None,
-            distortion=camera.distortion,
+            distortion=camera.distortion or ("brown" if content.board else Rig.distortion),
             skew=camera.skew,
             pixel_std=noise.pixel_std,
             placement_std=noise.placement_std_mm,
             lasers=_laser_names([laser.name for laser in content.laser]),
             path=str(path),
             plan=planned_geometry(content.plan, [(laser.name, laser) for laser in content.laser]),
+            board=None if content.board is None else _board(content.board),
         )
 
 
@@ -192,16 +227,10 @@ def rig_toml_text(rig: Rig) -> str:
     InputError
         If a laser's name is none that a rig file may hold.
     """
-    target = rig.target
+    board_alone = rig.board is not None and not rig.observations.stages()
     lines = [
-        "[target]",
-        'kind = "collinear"',
-        f"markers_mm = {list(target.markers_mm)}",
-        f"tolerance_mm = {float(target.tolerance_mm)!r}",
-        f'marker = "{target.marker}"',
-        f"marker_size_mm = {float(target.marker_size_mm)!r}",
-        *_temperature_lines(target),
-        "",
+        *([] if board_alone else _target_lines(rig.target)),
+        *([] if rig.board is None else _board_lines(rig.board)),
         "[camera]",
         f"image_size = {[int(n) for n in rig.image_size]}",
         f'distortion = "{rig.distortion}"',
@@ -215,6 +244,19 @@ def rig_toml_text(rig: Rig) -> str:
     if stated:
         lines += ["", "[noise]", *stated]
     return "\n".join(lines) + "\n"
+
+
+def _target_lines(target: CollinearTarget) -> list[str]:
+    return [
+        "[target]",
+        'kind = "collinear"',
+        f"markers_mm = {list(target.markers_mm)}",
+        f"tolerance_mm = {float(target.tolerance_mm)!r}",
+        f'marker = "{target.marker}"',
+        f"marker_size_mm = {float(target.marker_size_mm)!r}",
+        *_temperature_lines(target),
+        "",
+    ]
 
 
 def write_rig_toml(path: str | Path, rig: Rig) -> None:
@@ -246,6 +288,35 @@ def _target(part: _Target) -> CollinearTarget:
             "which it was measured, is known, as a standard uncertainty in kelvin",
         )
     return CollinearTarget(**part.model_dump(exclude={"kind"}))
+
+
+def _board(part: _PlanarBoard | _SolidTarget) -> Board:
+    if isinstance(part, _SolidTarget):
+        return SolidTarget(np.array(part.points_mm), part.faces, part.scale_std, part.tolerance_mm)
+    return PlanarBoard(
+        **part.model_dump(exclude={"pitch_mm"}), pitch_mm=(part.pitch_mm[0], part.pitch_mm[1])
+    )
+
+
+def _board_lines(board: Board) -> list[str]:
+    """``[board]``, what has its default left out."""
+    if isinstance(board, PlanarBoard):
+        values: dict[str, Any] = asdict(board) | {"pitch_mm": list(board.pitch_mm)}
+        plain = {field.name: field.default for field in fields(PlanarBoard)}
+    else:
+        faces = [list(face) for face in board.face_points]
+        values = {"kind": "solid", "points_mm": board.points.tolist(), "faces": faces}
+        values |= {"scale_std": board.scale_std, "tolerance_mm": board.tolerance_mm}
+        plain = {"scale_std": 0.0, "tolerance_mm": None}
+    stated = {
+        key: value for key, value in values.items() if key not in plain or value != plain[key]
+    }
+    return ["[board]", *(f"{key} = {_toml(value)}" for key, value in stated.items()), ""]
+
+
+def _toml(value: object) -> str:
+    """A value as TOML has it: JSON's text serves for text, numbers, truth values and lists."""
+    return json.dumps(value, ensure_ascii=False)
 
 
 def _temperature_lines(target: CollinearTarget) -> list[str]:

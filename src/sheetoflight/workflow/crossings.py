@@ -36,6 +36,11 @@ class Crossing:
     spot: SpotSighting | None
     reason: str
 
+    @property
+    def seen(self) -> bool:
+        """Whether the picture is of use."""
+        return self.spot is not None
+
 
 def searched_crossing(file: PictureFile, target: CollinearTarget) -> Crossing:
     """Search a picture for the target, and for the spot where the laser's line crosses it.

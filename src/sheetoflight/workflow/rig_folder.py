@@ -2,28 +2,42 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from functools import partial
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from sheetoflight.errors import FileError, InputError, UntrustworthyError
-from sheetoflight.imaging.markers import TargetSearch, find_target, order_by_fixed_end
+from sheetoflight.imaging.markers import TargetSighting, find_target, order_by_fixed_end
 from sheetoflight.io.check_views import check_views
 from sheetoflight.io.pictures import PictureFile, holds_pictures, list_pictures, read_picture
 from sheetoflight.io.points_csv import read_points, write_points
 from sheetoflight.io.quoting import file_name
 from sheetoflight.io.reading import TEXT_LIMIT_BYTES, read_bytes
 from sheetoflight.io.rig_toml import RigFile, read_rig_toml
+from sheetoflight.model.board import Board
 from sheetoflight.model.observations import Observations, TargetViews, no_views
 from sheetoflight.model.rig import Rig
 from sheetoflight.model.target import CollinearTarget
+from sheetoflight.workflow.boards import BoardPicture, board_views, searched_board
 from sheetoflight.workflow.crossings import Crossing, crossing_views, searched_crossing
 from sheetoflight.workflow.spread import ALONE, Execution, spread
+from sheetoflight.workflow.stage_pictures import (
+    Pictured,
+    held_pictures,
+    pictured,
+    refuse_other_size,
+    refuse_unlike_pair,
+    size_of,
+)
 
 STAGES = ("camera", "plane")
 """Stages in whose pictures the target is searched for."""
+
+BOARDS_WITHOUT_LINE = "boards without line"
+"""What pictures in camera/ are where there is no collinear target."""
 
 POINTS = "points.csv"
 
@@ -46,10 +60,27 @@ class Detection:
     rig : Rig
         With its observations.
     missed : tuple of Missed
+    kept : tuple of str
+        Stages that were taken from ``points.csv``, having no pictures.
     """
 
     rig: Rig
     missed: tuple[Missed, ...]
+    kept: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class Found:
+    """What one picture of a collinear target shows."""
+
+    size: tuple[int, int]
+    sighting: TargetSighting | None
+    reason: str
+
+    @property
+    def seen(self) -> bool:
+        """Whether the target was found."""
+        return self.sighting is not None
 
 
 def load_rig(folder: str | Path, run: Execution = ALONE) -> Rig:
@@ -66,7 +97,7 @@ def load_rig(folder: str | Path, run: Execution = ALONE) -> Rig:
     described = _described(folder)
     if not (folder / POINTS).exists():
         return _detected(folder, described, run).rig
-    observations = read_points(folder / POINTS, described.target, described.lasers)
+    observations = _given(folder, described)
     rig = described.rig(observations, picture_size=_first_picture_size(folder, described))
     check_views(rig)
     return rig
@@ -75,7 +106,8 @@ def load_rig(folder: str | Path, run: Execution = ALONE) -> Rig:
 def detect(folder: str | Path, run: Execution = ALONE) -> Detection:
     """Find the target in all pictures of a rig folder and write ``points.csv``.
 
-    What ``points.csv`` held of stage crossing stays in it where there are no pictures of that.
+    What ``points.csv`` held of the stages crossing and board stays in it where there are no
+    pictures of them.
 
     Raises
     ------
@@ -86,7 +118,8 @@ def detect(folder: str | Path, run: Execution = ALONE) -> Detection:
     """
     folder = Path(folder)
     detection = _detected(folder, _described(folder), run)
-    write_points(folder / POINTS, detection.rig.observations, detection.rig.lasers)
+    rig = detection.rig
+    write_points(folder / POINTS, rig.observations, rig.lasers, rig.board)
     return detection
 
 
@@ -98,190 +131,165 @@ def _described(folder: Path) -> RigFile:
     return read_rig_toml(folder / "rig.toml")
 
 
-@dataclass(frozen=True)
-class _Pictured:
-    """A view's name in its stage, its picture, and the number of its laser."""
-
-    view: str
-    file: PictureFile
-    laser: int = 0
+_OPTIONAL = ("crossing", "board")
+"""Stages that ``points.csv`` may give where there are no pictures of them."""
 
 
-def _stage_folders(folder: Path, lasers: tuple[str, ...]) -> dict[str, list[_Pictured]]:
-    found = {
-        stage: _pictured(folder / stage, lasers if stage == "plane" else ())
-        for stage in STAGES
-        if (folder / stage).is_dir()
-    }
-    if not found:
-        raise InputError(
-            f"{folder} holds neither {POINTS} nor a folder {' or '.join(STAGES)} with pictures",
-            "put the pictures of the pivoting target into camera/, those of the target in the "
-            "sheet of light into plane/",
-        )
-    return found
+def _given(folder: Path, described: RigFile) -> Observations:
+    return read_points(folder / POINTS, described.target, described.lasers, described.board)
 
 
-def _pictured(folder: Path, lasers: tuple[str, ...]) -> list[_Pictured]:
-    """The pictures of a stage; of several lasers each has a folder of its name."""
-    if len(lasers) < 2:
-        return [_Pictured(file.name, file) for file in list_pictures(folder)]
-    missing = [name for name in lasers if not (folder / name).is_dir()]
-    if missing or holds_pictures(folder):
-        found = f"no folder {missing[0]}/" if missing else "pictures that name no laser"
-        raise InputError(
-            f"{file_name(folder)} holds {found}, but the rig has {len(lasers)} lasers",
-            "put the pictures of the target in each sheet into "
-            + " and ".join(f"{folder.name}/{name}/" for name in lasers),
-        )
-    return [
-        _Pictured(f"{name}/{file.name}", file, laser)
-        for laser, name in enumerate(lasers)
-        for file in list_pictures(folder / name)
-    ]
+def _stage_pictures(folder: Path, described: RigFile) -> dict[str, list[Pictured]]:
+    """The pictures of each stage that has any.
+
+    Without a collinear target, pictures in camera/ are of the board with the laser off.
+    """
+    lasers = described.lasers
+    found = {}
+    for stage in STAGES:
+        if not (folder / stage).is_dir():
+            continue
+        if described.target is None and stage == "plane":
+            raise InputError(
+                f"{file_name(folder / stage)} holds pictures, but rig.toml has no [target]",
+                "describe the target there, or move pictures of the board into board/",
+            )
+        found[stage] = pictured(folder / stage, lasers if stage == "plane" else ())
+    for stage in _OPTIONAL:
+        pictures = held_pictures(folder / stage, lasers)
+        if pictures and (described.board if stage == "board" else described.target) is None:
+            table = "[board]" if stage == "board" else "[target]"
+            raise InputError(
+                f"{file_name(folder / stage)} holds pictures, but rig.toml has no {table}",
+                f"add {table}, or move the folder away",
+            )
+        if pictures:
+            found[stage] = pictures
+    if found:
+        return found
+    raise InputError(
+        f"{folder} holds neither {POINTS} nor a folder {', '.join(STAGES)} or board with pictures",
+        "put the pictures of the pivoting target into camera/, those of the target in the "
+        "sheet of light into plane/, those of a board with the laser line across it into board/",
+    )
 
 
 def _first_picture_size(folder: Path, described: RigFile) -> tuple[int, int] | None:
     """Size of some picture, where the rig file leaves it open."""
     if described.image_size:
         return None
-    sheets = [f"plane/{name}" for name in described.lasers]
-    for place in ("camera", "plane", *sheets, "crossing"):
+    stages = ("camera", "plane", *_OPTIONAL)
+    sheets = [f"{stage}/{name}" for stage in stages for name in described.lasers]
+    for place in (*stages, *sheets):
         if (folder / place).is_dir() and holds_pictures(folder / place):
-            return _size(read_picture(list_pictures(folder / place)[0].path))
+            return size_of(read_picture(list_pictures(folder / place)[0].path))
     return None
 
 
-def _searched_crossing(file: PictureFile, target: CollinearTarget) -> Crossing:
-    _refuse_unlike_pair(file, _size(read_picture(file.path)))
-    return searched_crossing(file, target)
+@dataclass(frozen=True)
+class _Search:
+    """What is searched for in the pictures of one stage: importable, for other processes."""
 
+    stage: str
+    target: CollinearTarget
+    board: Board | None
 
-def _crossing(
-    folder: Path, described: RigFile, size: tuple[int, int] | None, run: Execution
-) -> tuple[TargetViews, list[Missed], tuple[int, int] | None]:
-    """Views of stage crossing, what was missed, and the pictures' size: searched for in the
-    pictures, where there are any, or else as ``points.csv`` has them."""
-    pictured = _crossing_pictures(folder / "crossing", described.lasers)
-    if not pictured:
-        return _crossing_kept(folder, described), [], size
-    files = [picture.file for picture in pictured]
-    search = partial(_searched_crossing, target=described.target)
-    found = list(spread(search, files, "detect crossing", run))
-    for file, outcome in zip(files, found, strict=True):
-        size = size or outcome.size
-        _refuse_other_size(file.path.relative_to(folder), outcome.size, size)
-    missed = [
-        Missed("crossing", picture.view, outcome.reason)
-        for picture, outcome in zip(pictured, found, strict=True)
-        if outcome.spot is None
-    ]
-    if len(missed) == len(found):
-        raise UntrustworthyError(
-            "crossing",
-            f"the laser's spot on the target was seen in none of {len(found)} pictures; "
-            f"{files[0].path.name}: {found[0].reason}",
-            "check that the laser is on and its sheet crosses the target between markers",
-        )
-    names = [picture.view for picture in pictured]
-    lasers = [picture.laser for picture in pictured]
-    return crossing_views(names, lasers, found, len(described.lasers)), missed, size
-
-
-def _crossing_pictures(crossing: Path, lasers: tuple[str, ...]) -> list[_Pictured]:
-    """The pictures of stage crossing, if any: of several lasers in a folder for each."""
-    places = [crossing, *(crossing / name for name in lasers)]
-    held = any(place.is_dir() and holds_pictures(place) for place in places)
-    return _pictured(crossing, lasers) if held else []
-
-
-def _crossing_kept(folder: Path, described: RigFile) -> TargetViews:
-    """The views of stage crossing that are in ``points.csv`` already."""
-    path = folder / POINTS
-    if path.exists() and b"crossing" in read_bytes(path, TEXT_LIMIT_BYTES):
-        return read_points(path, described.target, described.lasers).crossing
-    return no_views(len(described.target.markers_mm) + len(described.lasers))
+    def __call__(self, file: PictureFile) -> Found | Crossing | BoardPicture:
+        refuse_unlike_pair(file)
+        if self.stage == "crossing":
+            return searched_crossing(file, self.target)
+        if self.board is not None and self.stage in ("board", BOARDS_WITHOUT_LINE):
+            return searched_board(file, self.board, self.stage == "board")
+        picture = read_picture(file.path)
+        search = find_target(picture, self.target)
+        return Found(size_of(picture), search.sighting, search.reason)
 
 
 def _detected(folder: Path, described: RigFile, run: Execution) -> Detection:
-    views, missed = {}, []
-    size = described.image_size
-    for stage, pictured in _stage_folders(folder, described.lasers).items():
-        search = partial(_searched, target=described.target)
-        files = [picture.file for picture in pictured]
-        found = list(spread(search, files, f"detect {stage}", run))
-        for file, (picture_size, _) in zip(files, found, strict=True):
-            size = size or picture_size
-            _refuse_other_size(file.path.relative_to(folder), picture_size, size)
-        outcomes = [outcome for _, outcome in found]
-        views[stage] = _stage_views(stage, pictured, outcomes, described.target)
-        missed += [
-            Missed(stage, picture.view, outcome.reason)
-            for picture, outcome in zip(pictured, outcomes, strict=True)
-            if outcome.sighting is None
-        ]
-    crossing, lost, size = _crossing(folder, described, size, run)
-    missed += lost
-    empty = no_views(len(described.target.markers_mm))
-    observations = Observations(views.get("camera", empty), views.get("plane", empty), crossing)
+    size, missed = described.image_size, []
+    found: dict[str, list[tuple[Pictured, Any]]] = {}
+    for stage, pictures in _stage_pictures(folder, described).items():
+        what = BOARDS_WITHOUT_LINE if stage == "camera" and described.target is None else stage
+        search = _Search(what, described.rod, described.board)
+        files = [picture.file for picture in pictures]
+        outcomes = list(spread(search, files, f"detect {stage}", run))
+        for file, outcome in zip(files, outcomes, strict=True):
+            size = size or outcome.size
+            refuse_other_size(file.path.relative_to(folder), outcome.size, size)
+        pairs = list(zip(pictures, outcomes, strict=True))
+        missed += [Missed(stage, p.view, o.reason) for p, o in pairs if not o.seen]
+        _refuse_none_seen(stage, pairs, described)
+        found[what] = pairs
+    observations, kept = _observations(folder, described, found)
     rig = described.rig(observations, picture_size=size)
     check_views(rig)
-    return Detection(rig, tuple(missed))
+    return Detection(rig, tuple(missed), kept)
 
 
-def _searched(file: PictureFile, target: CollinearTarget) -> tuple[tuple[int, int], TargetSearch]:
-    """Size of the picture without laser, where there is one, and what it shows."""
-    picture = read_picture(file.path)
-    _refuse_unlike_pair(file, _size(picture))
-    return _size(picture), find_target(picture, target)
+def _observations(
+    folder: Path, described: RigFile, found: Mapping[str, list[tuple[Pictured, Any]]]
+) -> tuple[Observations, tuple[str, ...]]:
+    """What was found, stage by stage, and which stages were taken from ``points.csv``."""
+    markers, lasers = len(described.rod.markers_mm), len(described.lasers)
+    views: dict[str, Any] = {}
+    for stage in STAGES:
+        if stage in found:
+            views[stage] = _stage_views(stage, found[stage])
+    if "crossing" in found:
+        names, own, outcomes = _columns(found["crossing"])
+        views["crossing"] = crossing_views(names, own, outcomes, lasers)
+    boards = [*found.get("board", ()), *found.get(BOARDS_WITHOUT_LINE, ())]
+    if boards:
+        names, own, outcomes = _columns(boards)
+        camera = {p.file.path for p, _ in found.get(BOARDS_WITHOUT_LINE, ())}
+        told = [f"camera/{p.view}" if p.file.path in camera else p.view for p, _ in boards]
+        views["board"] = board_views(told, own, outcomes)
+    missing = [stage for stage in _OPTIONAL if stage not in views]
+    kept = ()
+    if (folder / POINTS).exists() and missing:
+        text = read_bytes(folder / POINTS, TEXT_LIMIT_BYTES)
+        kept = tuple(stage for stage in missing if stage.encode() in text)
+        given = _given(folder, described) if kept else Observations()
+        views |= {stage: getattr(given, stage) for stage in kept if len(getattr(given, stage))}
+        kept = tuple(stage for stage in kept if stage in views)
+    empty: dict[str, Any] = {stage: no_views(markers) for stage in STAGES}
+    empty["crossing"] = no_views(markers + lasers)
+    return Observations(**(empty | views)), kept
 
 
-def _refuse_unlike_pair(file: PictureFile, off: tuple[int, int]) -> None:
-    """The target is searched for in the picture without laser; the other is of the same view."""
-    if file.laser_on is None:
+def _columns(
+    pairs: Sequence[tuple[Pictured, Any]],
+) -> tuple[list[str], list[int], list[Any]]:
+    pictures = [picture for picture, _ in pairs]
+    return [p.view for p in pictures], [p.laser for p in pictures], [o for _, o in pairs]
+
+
+_NOT_SEEN = {
+    "camera": "check marker ({marker}) and marker_size_mm in rig.toml, focus and light",
+    "plane": "check marker ({marker}) and marker_size_mm in rig.toml, focus and light",
+    "crossing": "check that the laser is on and its sheet crosses the target between markers",
+    "board": "check kind, columns and rows under [board] in rig.toml, focus and light",
+}
+
+
+def _refuse_none_seen(
+    stage: str, pairs: Sequence[tuple[Pictured, Any]], described: RigFile
+) -> None:
+    if any(outcome.seen for _, outcome in pairs):
         return
-    on = _size(read_picture(file.laser_on))
-    if on != off:
-        raise InputError(
-            f"{file_name(file.laser_on)} has {on[0]}×{on[1]} pixels, {file.path.name} has "
-            f"{off[0]}×{off[1]}",
-            "give both pictures of a pair from one camera, uncropped",
-        )
+    boards = stage == "board" or described.target is None
+    what = {"crossing": "the laser's spot on the target"}.get(stage, "the target")
+    picture, outcome = pairs[0]
+    raise UntrustworthyError(
+        stage,
+        f"{'the board' if boards else what} was seen in none of {len(pairs)} pictures; "
+        f"{picture.file.path.name}: {outcome.reason}",
+        _NOT_SEEN["board" if boards else stage].format(marker=described.rod.marker),
+    )
 
 
-def _size(picture: np.ndarray) -> tuple[int, int]:
-    height, width = picture.shape[:2]
-    return width, height
-
-
-def _refuse_other_size(picture: Path, found: tuple[int, int], expected: tuple[int, int]) -> None:
-    if found != expected:
-        raise InputError(
-            f"{file_name(picture)} has {found[0]}×{found[1]} pixels, the rig's pictures have "
-            f"{expected[0]}×{expected[1]}",
-            "remove it, or correct image_size in rig.toml; all pictures must come from one "
-            "camera, uncropped",
-        )
-
-
-def _stage_views(
-    stage: str,
-    pictured: list[_Pictured],
-    outcomes: list[TargetSearch],
-    target: CollinearTarget,
-) -> TargetViews:
-    seen = [
-        (picture, outcome.sighting)
-        for picture, outcome in zip(pictured, outcomes, strict=True)
-        if outcome.sighting is not None
-    ]
-    if not seen:
-        raise UntrustworthyError(
-            stage,
-            f"the target was seen in none of {len(pictured)} pictures; "
-            f"{pictured[0].file.path.name}: {outcomes[0].reason}",
-            f"check marker ({target.marker}) and marker_size_mm in rig.toml, focus and light",
-        )
+def _stage_views(stage: str, pairs: Sequence[tuple[Pictured, Found]]) -> TargetViews:
+    seen = [(p, o.sighting) for p, o in pairs if o.sighting is not None]
     sightings = [sighting for _, sighting in seen]
     if stage == "camera":
         sightings = order_by_fixed_end(sightings)

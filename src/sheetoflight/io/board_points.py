@@ -1,0 +1,156 @@
+"""Rows of ``points.csv`` in stage board: a board's points, and points of lines of light on it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from sheetoflight.errors import InputError
+from sheetoflight.geometry.directions import Array
+from sheetoflight.io.csv_table import Row
+from sheetoflight.io.quoting import shown
+from sheetoflight.model.board import Board
+from sheetoflight.model.board_views import BoardViews, LinePixels
+
+LINE = "laser"
+"""What column ``marker`` says of a point of a line."""
+
+_PLACE_TOLERANCE = 1e-6
+"""Greatest difference, as a part of the board's size, between a point's place in the table and in
+``[board]`` that is rounding."""
+
+_COORDINATES = ("x", "y", "z")
+
+
+@dataclass
+class BoardRows:
+    """What the rows of stage board say, gathered row by row.
+
+    Parameters
+    ----------
+    board : Board or None
+        What ``[board]`` describes.
+    names : dict from view to its number
+    """
+
+    board: Board | None
+    names: dict[str, int] = field(default_factory=dict)
+    points: dict[tuple[int, int], tuple[float, float, float | None]] = field(default_factory=dict)
+    line: list[tuple[float, float, float, int, int, int]] = field(default_factory=list)
+
+    def add(self, row: Row, laser: int) -> None:
+        """Take in a row.
+
+        Parameters
+        ----------
+        row : Row
+        laser : int
+            Number of the laser that it names.
+
+        Raises
+        ------
+        InputError
+            If the rig has no board, the point is not on it, is given twice, or lies elsewhere.
+        """
+        if self.board is None:
+            raise InputError(
+                f"{row.place}: a point of stage board, but rig.toml has no [board]",
+                "describe the board there: kind, columns, rows and pitch_mm",
+            )
+        view = self.names.setdefault(row.text("view"), len(self.names))
+        u, v, std = row.number("u"), row.number("v"), row.optional_positive("std")
+        if row.cells["marker"].strip() == LINE:
+            spread = float("nan") if std is None else std
+            self.line.append((u, v, spread, view, laser, self._face(row, self.board)))
+            return
+        point = self._point(row, self.board)
+        if (view, point) in self.points:
+            raise InputError(
+                f"{row.place}: point {point} of view {shown(row.text('view'))} in stage board is "
+                "given twice",
+                "give every point once, and every view of a stage a name of its own",
+            )
+        self.points[view, point] = (u, v, std)
+
+    def views(self) -> BoardViews:
+        """The views, in the order of their first rows."""
+        if self.board is None or not self.names:
+            return BoardViews()
+        count = len(self.board.points)
+        uv, std = (
+            np.full((len(self.names), count, 2), np.nan),
+            np.full((len(self.names), count), np.nan),
+        )
+        for (view, point), (u, v, spread) in self.points.items():
+            uv[view, point] = u, v
+            std[view, point] = np.nan if spread is None else spread
+        table = np.array(self.line, dtype=float).reshape(-1, 6)
+        line = LinePixels(table[:, :2], table[:, 2], table[:, 3], table[:, 4], table[:, 5])
+        return BoardViews(tuple(self.names), uv, std, line)
+
+    @staticmethod
+    def _face(row: Row, board: Board) -> int:
+        text = row.cells.get("face", "").strip()
+        face = row.whole("face") if text else 0
+        if face is None or face >= len(board.faces) or (not text and len(board.faces) > 1):
+            raise InputError(
+                f"{row.place}: face is {shown(text)}, expected a whole number from 0 to "
+                f"{len(board.faces) - 1}",
+                "say in column 'face' on which of the body's faces the line is seen",
+            )
+        return face
+
+    @staticmethod
+    def _point(row: Row, board: Board) -> int:
+        count = len(board.points)
+        point = row.whole("marker")
+        if point is None or point >= count:
+            raise InputError(
+                f"{row.place}: marker is {shown(row.cells['marker'])}, expected a whole number "
+                f"from 0 to {count - 1}, or {LINE}",
+                "number the board's points row by row, as [board] in rig.toml has them",
+            )
+        place = [row.optional_number(coordinate) for coordinate in _COORDINATES]
+        given = np.array([np.nan if value is None else value for value in place])
+        size = float(np.ptp(board.points, axis=0).max())
+        if np.nan_to_num(np.abs(given - board.points[point])).max() > _PLACE_TOLERANCE * size:
+            raise InputError(
+                f"{row.place}: point {point} is said to be at {_listed(given)} mm, and [board] in "
+                f"rig.toml puts it at {_listed(board.points[point])}",
+                "correct one of the two",
+            )
+        return point
+
+
+def _listed(values: Array) -> str:
+    return "(" + ", ".join(f"{value:.6g}" for value in values) + ")"
+
+
+def board_rows(
+    views: BoardViews, board: Board | None, lasers: Sequence[str]
+) -> list[dict[str, str | int | float]]:
+    """A row by column name for every point that was seen, then for those of the lines."""
+    rows: list[dict[str, str | int | float]] = []
+    for view, point in np.argwhere(views.seen).tolist():
+        rows.append(
+            _row(views.names[view], int(point), views.uv[view, point], views.stds[view, point])
+        )
+        if board is not None:
+            places = dict(zip(_COORDINATES, board.points[point].tolist(), strict=True))
+            rows[-1].update(places)
+    line = views.line
+    for k in np.argsort(line.view, kind="stable").tolist():
+        row = _row(views.names[line.view[k]], LINE, line.uv[k], line.std[k])
+        row["laser"] = lasers[line.laser[k]]
+        if board is not None and len(board.faces) > 1:
+            row["face"] = int(line.face[k])
+        rows.append(row)
+    return rows
+
+
+def _row(view: str, marker: str | int, uv: Array, std: float) -> dict[str, str | int | float]:
+    row: dict[str, str | int | float] = {"view": view, "stage": "board", "marker": marker}
+    row |= {"u": float(uv[0]), "v": float(uv[1])}
+    return row | ({"std": float(std)} if np.isfinite(std) else {})
