@@ -51,7 +51,7 @@ Prepared = tuple[Run, Reading]
 
 
 def ours(told: Told) -> Prepared:
-    """This package, default settings: the noise is estimated from the residuals."""
+    """`calibrate` with default settings: the noise is estimated from the residuals."""
     rig = Rig(
         CollinearTarget(),
         told.image_size,
@@ -162,13 +162,12 @@ class VisionCalibration:
 
     def _views(self, vc: Any, told: Told) -> Any:
         board = told.board.points.tolist()
-        return vc.LaserlineDataset(
-            [
-                # weights are said to be optional, but the call fails without
-                vc.LaserlineView(vc.Observation(board, uv.tolist()), line.tolist(), [1.0] * len(line))
-                for uv, line in zip(told.views.uv, _line_pixels(told), strict=True)
-            ]
-        )
+        views = []
+        for uv, line in zip(told.views.uv, _line_pixels(told), strict=True):
+            weights = [1.0] * len(line)  # said to be optional, but without them the call fails
+            seen = vc.Observation(board, uv.tolist())
+            views.append(vc.LaserlineView(seen, line.tolist(), weights))
+        return vc.LaserlineDataset(views)
 
     def _config(self, vc: Any) -> Any:
         config = vc.LaserlineDeviceCalibrationConfig()

@@ -204,7 +204,9 @@ def _size(quantity: str, values: Array, are_std: bool) -> float:
     return float(np.sqrt(parts * np.mean(values**2)))
 
 
-def times(names: Sequence[str], told: Told, rounds: int, one_thread: bool) -> dict[str, list[float]]:
+def times(
+    names: Sequence[str], told: Told, rounds: int, one_thread: bool
+) -> dict[str, list[float]]:
     """Seconds of each method, in turn; of slow ones, once."""
     cv2.setNumThreads(1 if one_thread else -1)
     runs = {name: METHODS[name](told)[0] for name in names}

@@ -102,7 +102,8 @@ def test_the_crossing_has_the_cross_ratio_of_its_image() -> None:
         axis = points[2] - points[0]
         a, b, c = points @ axis
         image = ratio(a, b, c, float(crossing[:2] @ axis / crossing[2]))
-        assert ratio(*PLACES, s) == pytest.approx(image, rel=1e-9)
+        first, second, third = PLACES
+        assert ratio(first, second, third, s) == pytest.approx(image, rel=1e-9)
 
 
 def test_no_camera_enters_the_control_points() -> None:

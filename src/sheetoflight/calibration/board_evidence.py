@@ -26,7 +26,6 @@ from sheetoflight.calibration.rig_state import CAMERA, LOCAL_SIZE, RigState, she
 from sheetoflight.estimation.block_least_squares import Block
 from sheetoflight.estimation.variance_components import Contrasts, compressed, contrasts
 from sheetoflight.geometry.directions import Array
-from sheetoflight.geometry.rotations import cross_matrix
 from sheetoflight.model.board import Board
 from sheetoflight.model.board_views import BoardViews, proportions
 
@@ -150,7 +149,11 @@ class BoardEvidence:
         )
         count, markers = uv.shape[:2]
         rows = (count, 2 * markers)
-        by_local = np.concatenate([-by_point @ cross_matrix(turned), by_point], axis=-1)
+        by_local = np.empty((*uv.shape, _POSE))
+        by_local[..., 3:] = by_point
+        for k, (i, j) in enumerate(((1, 2), (2, 0), (0, 1))):  # ω × X, row by row
+            by_local[..., k] = turned[..., None, i] * by_point[..., j]
+            by_local[..., k] -= turned[..., None, j] * by_point[..., i]
         columns = [parameters.index(CAMERA[i]) for i in intrinsics]
         shared = [by_camera]
         if size_column is not None:

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from sheetoflight.calibration.board_planes import on_boards, planes_on_boards
+from sheetoflight.calibration.board_planes import ends_on_boards, planes_on_boards
 from sheetoflight.calibration.components import COMPONENTS, CORNER, LINE, SHAPE, STRIPE
 from sheetoflight.calibration.lines_on_boards import RAY, SHAPES, free_parts, reduced_lines
 from sheetoflight.calibration.rig_state import LOCAL_SIZE, RigState
@@ -51,7 +51,10 @@ def _scatter_about_lines(rig: Rig, state: RigState) -> tuple[float, float]:
     misses = reduced.roots[:, :, :RAY] @ reduced.lines[..., None]
     offsets = reduced.roots[:, :, :RAY] @ free_parts(reduced.lines)
     design = np.concatenate([offsets, reduced.shapes], axis=2)
-    windings = np.linalg.pinv(design) @ misses
+    turned = np.swapaxes(design, 1, 2)
+    size = np.sqrt(np.einsum("lqk,lqk->lk", design, design))[..., None]
+    normal = turned @ design / size / np.swapaxes(size, 1, 2)
+    windings = np.linalg.solve(normal, turned @ misses / size) / size
     rest = misses - design @ windings
     freedom = np.maximum(reduced.counts - design.shape[2], 1).sum()
     scatter = max(float(np.sum(rest**2) / freedom), np.finfo(float).tiny)
@@ -59,14 +62,10 @@ def _scatter_about_lines(rig: Rig, state: RigState) -> tuple[float, float]:
 
 
 def _scatter_about_sheets(rig: Rig, state: RigState) -> float:
-    """Mean over the lines of their points' mean squared distance from their sheet, mm²."""
-    line, points = rig.observations.board.line, on_boards(rig, state)
-    off = np.full(len(line), np.nan)
-    for laser, plane in enumerate(planes_on_boards(rig, state)):
+    """Mean squared distance of the lines' ends from their sheets, mm²."""
+    ends, laser = ends_on_boards(rig, state)
+    off = np.full(ends.shape[:2], np.nan)
+    for number, plane in enumerate(planes_on_boards(rig, state)):
         if plane is not None:
-            own = line.laser == laser
-            off[own] = points[own] @ plane[0] - plane[1]
-    there = np.isfinite(off)
-    share = 1.0 / np.maximum(np.bincount(line.view[there], minlength=line.view.max() + 1), 1)
-    weights = share[line.view[there]]
-    return float(np.sum(weights * off[there] ** 2) / weights.sum()) if there.any() else 0.0
+            off[laser == number] = ends[laser == number] @ plane[0] - plane[1]
+    return float(np.nanmean(off**2)) if np.isfinite(off).any() else 0.0

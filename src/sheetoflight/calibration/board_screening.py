@@ -12,9 +12,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.special import chdtri
 
-from sheetoflight.calibration.board_planes import in_board_frame, on_boards
+from sheetoflight.calibration.board_planes import faces_in_space, on_faces
 from sheetoflight.calibration.board_start import board_poses, boards_alone
-from sheetoflight.calibration.line_consensus import FacePlanes, agreed_pieces, straight_pieces
+from sheetoflight.calibration.line_consensus import FacePlanes, agreed_pieces, cut_into_pieces
+from sheetoflight.calibration.lines_on_boards import reduced_lines
 from sheetoflight.calibration.rig_state import RigState
 from sheetoflight.calibration.wrong_points import FALSE_ALARM
 from sheetoflight.errors import UntrustworthyError
@@ -195,23 +196,30 @@ def _in_the_sheets(rig: Rig, state: RigState) -> tuple[Rig, tuple[str, ...]]:
     line = views.line
     if not len(line) or rig.board is None:
         return rig, ()
-    printed = on_printed_part(rig, line, in_board_frame(state, line, on_boards(rig, state)))
-    xy = state.camera.unproject(line.uv)[:, :2]
+    rays, poses = state.camera.unproject(line.uv), state.poses["board"]
+    points = on_faces(rays, *faces_in_space(rig.board, poses, line.view, line.face))
+    printed = on_printed_part(rig, line, _in_board_frame(poses[line.view], points))
     focal = 0.5 * (state.camera.alpha + state.camera.beta)
     kept = np.zeros(len(line), dtype=bool)
     lost: list[str] = []
     for laser in np.unique(line.laser):
-        groups = _lines_of(line, int(laser))
-        pieces = [straight_pieces(xy[own], focal, printed[own], k) for k, own in enumerate(groups)]
-        firsts = np.array([own[0] for own in groups])
-        chosen = agreed_pieces(pieces, _faces(rig, state, line.take(firsts)), focal, len(views))
+        groups = [own for own in line.groups() if line.laser[own[0]] == laser]
+        pieces = cut_into_pieces(
+            [rays[own, :2] for own in groups], focal, [printed[own] for own in groups]
+        )
+        firsts = line.take(np.array([own[0] for own in groups]))
+        faces = faces_in_space(rig.board, poses, firsts.view, firsts.face)
+        chosen = agreed_pieces(pieces, FacePlanes(*faces), focal, len(views))
         for own, cut, number in zip(groups, pieces, chosen, strict=True):
             if number is None:
                 lost.append(views.names[line.view[own[0]]])
             else:
                 kept[own[cut[number].points]] = True
+    left = line.take(kept)
+    if len(left):
+        reduced_lines(left, state.camera, rays[kept])
     words = (_lost_lines(lost, kept.any()),) if lost else ()
-    return with_board_views(rig, replace(views, line=line.take(kept))), words
+    return with_board_views(rig, replace(views, line=left)), words
 
 
 def _lost_lines(names: list[str], others: bool) -> str:
@@ -227,21 +235,9 @@ def _lost_lines(names: list[str], others: bool) -> str:
     )
 
 
-def _lines_of(line: LinePixels, laser: int) -> list[np.ndarray]:
-    """Numbers of the points of each line of a laser, by view and face."""
-    own = np.flatnonzero(line.laser == laser)
-    key = line.view[own] * (line.face.max() + 1) + line.face[own]
-    order = np.argsort(key, kind="stable")
-    cuts = np.flatnonzero(np.diff(key[order])) + 1
-    return [own[part] for part in np.split(order, cuts)]
-
-
-def _faces(rig: Rig, state: RigState, first: LinePixels) -> FacePlanes:
-    """The boards' faces on which lines are seen, camera frame."""
-    assert rig.board is not None
-    pose, face = state.poses["board"][first.view], rig.board.faces[first.face]
-    normal = np.einsum("lij,lj->li", pose[:, :, :3], face[:, :3])
-    return FacePlanes(normal, face[:, 3] + np.einsum("li,li->l", normal, pose[:, :, 3]))
+def _in_board_frame(pose: Array, points: Array) -> Array:
+    """Points ``(P, 3)`` of the camera frame in the frames of boards ``(P, 3, 4)``, mm."""
+    return np.einsum("pji,pj->pi", pose[:, :, :3], points - pose[:, :, 3])
 
 
 def on_printed_part(rig: Rig, line: LinePixels, points: Array) -> np.ndarray:

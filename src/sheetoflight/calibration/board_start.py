@@ -21,13 +21,16 @@ from sheetoflight.calibration.rig_state import RigState
 from sheetoflight.calibration.solid_closed_form import dlt_camera
 from sheetoflight.calibration.starts import plain_cameras
 from sheetoflight.errors import UntrustworthyError
-from sheetoflight.estimation.block_least_squares import Solution
+from sheetoflight.estimation.block_least_squares import Solution, SolverOptions
 from sheetoflight.geometry.directions import Array
 from sheetoflight.model.board import PlanarBoard
 from sheetoflight.model.board_views import LinePixels
 from sheetoflight.model.camera import Camera
 from sheetoflight.model.observations import Observations
 from sheetoflight.model.rig import Rig
+
+_ROUGHLY = SolverOptions(tolerance=1e-5)
+"""For what is only where the next adjustment begins."""
 
 
 def boards_alone(rig: Rig) -> Solution[RigState]:
@@ -65,7 +68,7 @@ def boards_alone(rig: Rig) -> Solution[RigState]:
 def _adjusted(task: EstimationTask, state: RigState) -> Solution[RigState]:
     """All at once, or, where that goes astray, first without distortion."""
     noise, rig = task.noise, task.rig
-    solution = settled(noise.adjustment(rig, {}, task.free, state), state, "board")
+    solution = settled(noise.adjustment(rig, {}, task.free, state), state, "board", _ROUGHLY)
     if solution.converged or task.free == task.without_distortion:
         return solution
     first = settled(noise.adjustment(rig, {}, task.without_distortion, state), state, "board")

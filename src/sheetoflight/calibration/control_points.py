@@ -139,6 +139,6 @@ def image_lines(xy: Array, member: np.ndarray, count: int) -> Array:
         if len(own) < 2 or not np.ptp(own, axis=0).any():
             continue
         middle = own.mean(axis=0)
-        across = np.linalg.svd(own - middle)[2][1]
+        across = np.linalg.svd(own - middle, full_matrices=False)[2][1]
         lines[number] = [*across, -across @ middle]
     return lines

@@ -19,9 +19,6 @@ from sheetoflight.calibration.control_points import ControlledSheet, controlled_
 from sheetoflight.errors import InputError, UntrustworthyError
 from sheetoflight.geometry.directions import Array
 
-_FEWEST = 3
-"""Points that fix a projective map of a line."""
-
 _GLANCING = 0.02
 """Sine of the angle in the picture below which the crossing's place along the line is noise."""
 
@@ -67,13 +64,13 @@ def positions_of_crossings(positions: Array, xy: Array, stripes: Array) -> Array
     w, crossing = _along_image(xy, weight, stripes)
     s, s_mean, s_size = _standard(np.where(weight > 0, positions, 0.0), weight)
     w, w_mean, w_size = _standard(w, weight)
-    there = (weight.sum(axis=1) >= _FEWEST) & np.isfinite(crossing)
     rows = np.stack([s, np.ones_like(s), -w * s, -w], axis=-1)
     # rows of zeros, so that three points too have four singular vectors
     rows = np.pad(weight[..., None] * rows, ((0, 0), (0, 2), (0, 0)))
     _, size, vectors = np.linalg.svd(rows, full_matrices=False)
     p, q, r, t = vectors[:, 3].T
-    there &= size[:, 2] > _ROUNDING * size[:, 0]
+    # two points, or three of which two are one, leave more than one map
+    there = (size[:, 2] > _ROUNDING * size[:, 0]) & np.isfinite(crossing)
     at = (crossing - w_mean) / w_size
     with np.errstate(divide="ignore", invalid="ignore"):
         place = (q - t * at) / (r * at - p)

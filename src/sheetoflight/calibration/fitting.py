@@ -214,18 +214,18 @@ def _with_components(fit: Fit, free: np.ndarray, stage: str) -> Fit:
             return _with_one_component(fit, int(np.argmax(free)))
         if not free.any():
             return fit
-    variances, start = start, _first_offsets(fit, start, free)
+    variances, start = noise.variances, _first_offsets(fit, start, free)
     if free[SHAPE]:
         return _with_components(_of_winding_lines(fit, start, free), free & ~_IS_SHAPE, stage)
     spread = _NOTHING
+    acting, groups = _acting(adjustment), fit.contrasts
     for _ in range(_NOISE_ROUNDS):
-        groups = noise.contrasts(adjustment, solution.state, {})
         try:
             found = variance_components(groups, adjustment.shared_size, start, free)
         except np.linalg.LinAlgError:  # undetermined, which is for others to tell
             break
         spread = found.covariance
-        settled_now = np.allclose(np.sqrt(found.sizes), np.sqrt(variances), rtol=_SETTLED, atol=0.0)
+        settled_now = _alike(found.sizes[acting], variances[acting])
         variances = start = found.sizes
         if settled_now:
             break
@@ -234,7 +234,16 @@ def _with_components(fit: Fit, free: np.ndarray, stage: str) -> Fit:
             rig, adjustment.stages, adjustment.parameters, solution.state
         )
         solution = settled(adjustment, solution.state, stage)
+        groups = noise.contrasts(adjustment, solution.state, {})
     return Fit(rig, adjustment, solution, noise.with_variances(variances), spread)
+
+
+def _alike(sizes: Array, others: Array) -> bool:
+    """Whether variances give the same weights, a common factor apart."""
+    there = (sizes > 0) | (others > 0)
+    if not (sizes[there] > 0).all() or not (others[there] > 0).all():
+        return False
+    return bool(np.ptp(0.5 * np.log(sizes[there] / others[there])) <= _SETTLED)
 
 
 def _of_winding_lines(fit: Fit, start: Array, free: np.ndarray) -> Fit:

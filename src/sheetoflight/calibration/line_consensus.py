@@ -56,6 +56,9 @@ _MOST = 0.9
 """Share of a line's points that agree where there is one piece only."""
 
 _ROUNDS = 6
+_ENOUGH = 200
+"""Points that tell a line, roughly, as well as more do."""
+
 _ROUNDING_PX = 1e-4
 _PREFERENCE = 2.0
 """How much more a point on the printed part of a board counts than one beside it."""
@@ -80,36 +83,80 @@ class Piece:
     weight: float
 
 
-def straight_pieces(xy: Array, focal: float, preferred: np.ndarray, rng_seed: int) -> list[Piece]:
-    """Cut the points of one line into straight pieces, the one of most points first.
+def cut_into_pieces(
+    lines: list[Array], focal: float, preferred: list[np.ndarray]
+) -> list[list[Piece]]:
+    """Cut lines into straight pieces, the one that counts most first.
 
     Parameters
     ----------
-    xy : (K, 2) array
+    lines : list of (K, 2) arrays
         Normalised coordinates free of distortion; NaN where there are none.
     focal : float
         px per unit of these.
-    preferred : (K,) mask
+    preferred : list of (K,) masks
         Points on the printed part of the board.
-    rng_seed : int
-        For the draws.
     """
+    whole = _whole_lines([focal * xy for xy in lines])
+    return [
+        _straight_pieces(xy, focal, own, number)
+        if points is None
+        else [_piece(np.flatnonzero(points), xy, own)]
+        for number, (xy, own, points) in enumerate(zip(lines, preferred, whole, strict=True))
+    ]
+
+
+def _whole_lines(lines: list[Array]) -> list[np.ndarray | None]:
+    """For each line the mask of its points that agree with one straight line, where nearly all
+    do: most lines are of one piece, and all of them are looked at together."""
+    some = np.zeros((len(lines), _ENOUGH, 2))
+    for number, points in enumerate(lines):
+        if len(points) >= _SHORT and np.isfinite(points).all():
+            some[number] = points[np.linspace(0, len(points) - 1, _ENOUGH).astype(int)]
+    weights = np.ones(some.shape[:2])
+    middle, normal, scale = (
+        np.zeros((len(lines), 2)),
+        np.zeros((len(lines), 2)),
+        np.zeros(len(lines)),
+    )
+    for _ in range(_ROUNDS):
+        total = weights.sum(axis=1)
+        middle = np.einsum("lk,lki->li", weights, some) / total[:, None]
+        x, y = np.moveaxis(some - middle[:, None], 2, 0)
+        across, along = np.sum(weights * x * y, axis=1), np.sum(weights * (x * x - y * y), axis=1)
+        angle = 0.5 * np.arctan2(2.0 * across, along)
+        normal = np.stack([-np.sin(angle), np.cos(angle)], axis=1)
+        off = np.abs(x * normal[:, :1] + y * normal[:, 1:])
+        scale = np.maximum(np.median(off, axis=1) / _PER_SINGLE, _ROUNDING_PX)
+        weights = 1.0 / (1.0 + (off / (2.0 * scale[:, None])) ** 2)
+    found: list[np.ndarray | None] = []
+    for points, m, n, s in zip(lines, middle, normal, scale, strict=True):
+        off = np.abs(points @ n - m @ n)
+        own = off <= s * np.sqrt(float(chdtri(1, FALSE_ALARM / max(len(points), 1))))
+        good = len(points) >= _SHORT and own.mean() >= _MOST and off[own].max() <= _TOLERANCE_PX
+        found.append(own if good else None)
+    return found
+
+
+def _piece(points: np.ndarray, xy: Array, preferred: np.ndarray) -> Piece:
+    weight = len(points) + (_PREFERENCE - 1.0) * preferred[points].sum()
+    return Piece(points, _ends(xy[points]), float(weight))
+
+
+def _straight_pieces(xy: Array, focal: float, preferred: np.ndarray, rng_seed: int) -> list[Piece]:
+    """The straight pieces of one line."""
     left = np.flatnonzero(np.isfinite(xy).all(axis=1))
     rng = np.random.default_rng(rng_seed)
     pieces: list[Piece] = []
     while len(left) >= _SHORT and len(pieces) < _PIECES:
         points = focal * xy[left]
-        own = agreeing(points)
-        if own.mean() < _MOST or np.abs(_off(points[own])).max() > _TOLERANCE_PX:
-            own = _most_on_a_line(points, rng)
-            if own.sum() >= _SHORT:
-                kept = np.flatnonzero(own)
-                own[kept[~agreeing(points[own])]] = False
+        own = _most_on_a_line(points, rng)
+        if own.sum() >= _SHORT:
+            kept = np.flatnonzero(own)
+            own[kept[~agreeing(points[own])]] = False
         if own.sum() < _SHORT:
             break
-        chosen = left[own]
-        weight = own.sum() + (_PREFERENCE - 1.0) * preferred[chosen].sum()
-        pieces.append(Piece(chosen, _ends(xy[chosen]), float(weight)))
+        pieces.append(_piece(left[own], xy, preferred))
         near = np.abs(_off(points, points[own])) <= _TOLERANCE_PX
         left = left[~(own | near)]
     return sorted(pieces, key=lambda piece: -piece.weight)
@@ -117,14 +164,14 @@ def straight_pieces(xy: Array, focal: float, preferred: np.ndarray, rng_seed: in
 
 def agreeing(points: Array) -> np.ndarray:
     """Mask of points ``(K, 2)`` px that agree with a straight line, most of them deciding."""
-    weights = np.ones(len(points))
-    off, scale = np.zeros(len(points)), np.inf
+    some = points[:: max(len(points) // _ENOUGH, 1)]
+    weights, scale = np.ones(len(some)), np.inf
     for _ in range(_ROUNDS):
-        off = np.abs(_off(points, points, weights))
+        off = np.abs(_off(some, some, weights))
         scale = max(float(np.median(off)) / _PER_SINGLE, _ROUNDING_PX)
         weights = 1.0 / (1.0 + (off / (2.0 * scale)) ** 2)
     limit = np.sqrt(float(chdtri(1, FALSE_ALARM / max(len(points), 1)))) * scale
-    return off <= limit
+    return np.abs(_off(points, some, weights)) <= limit
 
 
 def _off(points: Array, line: Array | None = None, weights: Array | None = None) -> Array:
@@ -151,8 +198,10 @@ def _most_on_a_line(points: Array, rng: np.random.Generator) -> np.ndarray:
 def _ends(xy: Array) -> Array:
     """The ends ``(2, 2)`` of the piece that points form, on its line."""
     middle = xy.mean(axis=0)
-    along = np.linalg.svd(xy - middle, full_matrices=False)[2][0]
-    way = (xy - middle) @ along
+    x, y = (xy - middle).T
+    angle = 0.5 * np.arctan2(2.0 * (x @ y), x @ x - y @ y)
+    along = np.array([np.cos(angle), np.sin(angle)])
+    way = x * along[0] + y * along[1]
     return middle + np.array([[way.min()], [way.max()]]) * along
 
 

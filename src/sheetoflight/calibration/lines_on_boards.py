@@ -20,7 +20,7 @@ from dataclasses import dataclass
 from weakref import WeakKeyDictionary
 
 import numpy as np
-from scipy.special import eval_legendre
+from numpy.polynomial.legendre import legvander
 
 from sheetoflight.calibration.rig_state import RigState
 from sheetoflight.geometry.directions import Array
@@ -36,7 +36,17 @@ SHAPES = (2, 3, 4, 5)
 
 _FIRST_SHAPE = RAY + len(Camera.PARAMETERS)
 
-_NEGLIGIBLE = 1e-3
+_COLUMNS = _FIRST_SHAPE + len(SHAPES)
+
+_DEGREES = 10
+"""Legendre's polynomials that describe what is smooth along a line: a lens of Brown's kind bends
+with the seventh power."""
+
+_NODES = np.cos(np.pi * (np.arange(_DEGREES) + 0.5) / _DEGREES)
+_TO_LEGENDRE = np.linalg.inv(legvander(_NODES, _DEGREES - 1))
+_SHAPES_AT_NODES = legvander(_NODES, max(SHAPES))[:, SHAPES] * np.sqrt(2 * np.array(SHAPES) + 1)
+
+_NEGLIGIBLE = 1e-4
 """Largest second-order change of a line, in px, for which a neighbouring camera's rows will do."""
 
 
@@ -120,29 +130,33 @@ _LATEST: WeakKeyDictionary[LinePixels, ReducedLines] = WeakKeyDictionary()
 that hardly differ."""
 
 
-def reduced_lines(line: LinePixels, camera: Camera) -> ReducedLines:
-    """Reduce the points of lines at a camera, or at one so near that it makes no difference."""
+def reduced_lines(line: LinePixels, camera: Camera, rays: Array | None = None) -> ReducedLines:
+    """Reduce the points of lines at a camera, or at one so near that it makes no difference.
+
+    Parameters
+    ----------
+    line : LinePixels
+    camera : Camera
+    rays : (P, 3) array, optional
+        The points' rays, where they are known already.
+    """
     latest = _LATEST.get(line)
     if latest is None or not latest.holds_for(camera):
-        latest = _LATEST[line] = _reduced(line, camera)
+        rays = camera.unproject(line.uv) if rays is None else rays
+        latest = _LATEST[line] = _reduced(line, camera, rays)
     return latest
 
 
-def _reduced(line: LinePixels, camera: Camera) -> ReducedLines:
-    rays = camera.unproject(line.uv)
-    good = np.asarray(np.isfinite(rays).all(axis=-1))
-    key = (line.view * (line.laser.max(initial=0) + 1) + line.laser) * (
-        line.face.max(initial=0) + 1
-    ) + line.face
-    _, first, place = np.unique(key, return_index=True, return_inverse=True)
-    weights = np.where(good, 1.0 / line.proportions, 0.0)
-    rays = np.where(good[:, None], rays, 0.0)
-    fitted = _fitted_lines(rays, weights, place, len(first))
-    steep, by_camera = _across(camera, rays, fitted[place])
-    ends, way = _extents(rays, good, fitted, place)
-    shapes = np.stack([np.sqrt(2 * n + 1) * eval_legendre(n, way) for n in SHAPES], axis=1)
-    parts = [rays, by_camera, shapes * steep[:, None]]
-    rows = np.concatenate(parts, axis=1) * (weights / steep)[:, None]
+def _reduced(line: LinePixels, camera: Camera, rays: Array) -> ReducedLines:
+    groups = line.groups()
+    fits = [_fitted(rays[own, 0], rays[own, 1], line.proportions[own]) for own in groups]
+    lines = np.array([fit.line for fit in fits]).reshape(-1, RAY)
+    reach = np.array([(fit.middle, fit.half) for fit in fits]).reshape(-1, 2)
+    turned = _turned_into_columns(camera, lines, reach)
+    products = [t.T @ fit.products(slow) @ t for fit, (slow, t) in zip(fits, turned, strict=True)]
+    roots = _roots(np.array(products).reshape(len(fits), _COLUMNS, _COLUMNS))
+    roots[:, :, :RAY] = roots[:, :, :RAY] @ np.swapaxes(_frames(lines), 1, 2)
+    first = np.array([own[0] for own in groups], dtype=int)
     view = line.view[first]
     return ReducedLines(
         camera=camera,
@@ -150,67 +164,110 @@ def _reduced(line: LinePixels, camera: Camera) -> ReducedLines:
         laser=line.laser[first],
         face=line.face[first],
         slot=np.arange(len(view)) - np.searchsorted(view, view),
-        counts=np.bincount(place, good.astype(float), len(first)),
-        roots=_triangles(rows, place, len(first)),
-        lines=fitted,
-        ends=ends,
+        counts=np.array([float(len(fit.along)) for fit in fits]),
+        roots=roots,
+        lines=lines,
+        ends=_feet(lines, reach[:, :1] + reach[:, 1:] * np.array([-1.0, 1.0])),
     )
 
 
-def _fitted_lines(rays: Array, weights: Array, place: np.ndarray, count: int) -> Array:
-    """Weighted total least-squares lines ℓ̂ ``(count, 3)`` through the rays of each group."""
-    squares = weights**2
-    total = np.maximum(np.bincount(place, squares, count), 1e-300)
-    x = np.bincount(place, squares * rays[:, 0], count) / total
-    y = np.bincount(place, squares * rays[:, 1], count) / total
-    dx, dy = rays[:, 0] - x[place], rays[:, 1] - y[place]
-    spread = np.empty((count, 2, 2))
-    spread[:, 0, 0] = np.bincount(place, squares * dx * dx, count)
-    spread[:, 1, 1] = np.bincount(place, squares * dy * dy, count)
-    spread[:, 0, 1] = spread[:, 1, 0] = np.bincount(place, squares * dx * dy, count)
-    normal = np.linalg.eigh(spread)[1][:, :, 0]
-    return np.column_stack([normal, -(normal[:, 0] * x + normal[:, 1] * y)])
+@dataclass(frozen=True, eq=False)
+class _FittedLine:
+    """The points of one line: where along it, from −1 to 1, how far from it, and their weights."""
+
+    line: Array
+    along: Array
+    off: Array
+    weights: Array
+    middle: float
+    half: float
+
+    def products(self, slow: Array) -> Array:
+        """``(11, 11)`` products of the columns ``[off, P0 … P9] / (g σ)``, with Legendre's
+        polynomials along the line, and 1/g by its coefficients ``slow``."""
+        columns = np.empty((1 + _DEGREES, len(self.along)))
+        columns[0] = self.off
+        columns[1], columns[2] = 1.0, self.along
+        for n in range(2, _DEGREES):
+            previous = (n - 1) * columns[n - 1]
+            columns[n + 1] = ((2 * n - 1) * self.along * columns[n] - previous) / n
+        columns *= self.weights * (slow @ columns[1:])
+        return columns @ columns.T
 
 
-def _across(camera: Camera, rays: Array, lines: Array) -> tuple[Array, Array]:
-    """How fast ``ℓ̂ · r`` changes across the line, per px ``(P,)``, and with the camera's
-    parameters for a given pixel ``(P, 10)``.
-
-    Both at the foot of each point on its line: a point's noise is a number of pixels, which no
-    change of the camera makes smaller.
-    """
-    off = np.sum(rays * lines, axis=1)
-    foot = rays.copy()
-    foot[:, :2] -= off[:, None] * lines[:, :2]
-    _, by_point, by_parameter = camera.project_with_jacobians(foot)
-    slope = np.linalg.solve(np.swapaxes(by_point[..., :2], 1, 2), lines[:, :2, None])[..., 0]
-    return np.linalg.norm(slope, axis=1), -np.einsum("pi,pik->pk", slope, by_parameter)
-
-
-def _triangles(rows: Array, place: np.ndarray, count: int) -> Array:
-    """R ``(count, q, q)`` of the rows of each group."""
-    sizes = np.bincount(place, minlength=count)
-    most = max(int(sizes.max(initial=0)), rows.shape[1])
-    order = np.argsort(place, kind="stable")
-    starts = np.cumsum(sizes) - sizes
-    padded = np.zeros((count, most, rows.shape[1]))
-    padded[place[order], np.arange(len(place)) - starts[place[order]]] = rows[order]
-    return np.asarray(np.linalg.qr(padded, mode="r"))
+def _fitted(x: Array, y: Array, proportions: Array) -> _FittedLine:
+    """The weighted total least-squares line ℓ̂ through points, those without a ray left out."""
+    if not np.isfinite(x).all():
+        there = np.isfinite(x)
+        x, y, proportions = x[there], y[there], proportions[there]
+    weights = 1.0 / proportions
+    share = weights**2 / np.sum(weights**2)
+    x0, y0 = share @ x, share @ y
+    dx, dy = x - x0, y - y0
+    angle = 0.5 * np.arctan2(2.0 * (share @ (dx * dy)), share @ (dx * dx - dy * dy))
+    cosine, sine = np.cos(angle), np.sin(angle)
+    along = x * cosine + y * sine
+    low, high = along.min(), along.max()
+    middle, half = 0.5 * (high + low), max(0.5 * (high - low), 1e-300)
+    line = np.array([-sine, cosine, sine * x0 - cosine * y0])
+    off = cosine * dy - sine * dx
+    return _FittedLine(line, (along - middle) / half, off, weights, float(middle), float(half))
 
 
-def _extents(rays: Array, good: np.ndarray, lines: Array, place: np.ndarray) -> tuple[Array, Array]:
-    """Rays ``(L, 2, 3)`` of the first and the last point along each line, moved onto it, and
-    where between them, from −1 to 1, each point ``(P,)`` is."""
-    along = np.stack([-lines[:, 1], lines[:, 0]], axis=1)
-    way = np.sum(rays[:, :2] * along[place], axis=1)
-    least, most = np.full(len(lines), np.inf), np.full(len(lines), -np.inf)
-    np.minimum.at(least, place[good], way[good])
-    np.maximum.at(most, place[good], way[good])
+def _feet(lines: Array, along: Array) -> Array:
+    """Rays ``(L, K, 3)`` of the points at given places ``(L, K)`` along lines ``(L, 3)``."""
+    way = np.stack([lines[:, 1], -lines[:, 0]], axis=1)
     foot = -lines[:, 2:] * lines[:, :2]
-    ends = foot[:, None] + np.stack([least, most], axis=1)[..., None] * along[:, None]
-    half = np.maximum(0.5 * (most - least), 1e-300)[place]
-    share = np.where(good, (way - 0.5 * (most + least)[place]) / half, 0.0)
-    return np.concatenate([ends, np.ones((len(lines), 2, 1))], axis=2), share
+    points = foot[:, None] + along[..., None] * way[:, None]
+    return np.concatenate([points, np.ones((*along.shape, 1))], axis=2)
+
+
+def _turned_into_columns(camera: Camera, lines: Array, reach: Array) -> list[tuple[Array, Array]]:
+    """For each line the coefficients of 1/g, and the matrix ``(11, 17)`` that makes of
+    `_FittedLine.products`' columns those of Z: place along the line, distance from it, 1, the
+    camera's parameters, and the windings.
+
+    g and the derivatives by the camera are taken at the feet of the points on their line: a
+    point's noise is a number of pixels, which no change of the camera makes smaller. So they
+    are smooth along the line, and known from ten places.
+    """
+    feet = _feet(lines, reach[:, :1] + reach[:, 1:] * _NODES)
+    _, by_point, by_parameter = camera.project_with_jacobians(feet)
+    right = np.broadcast_to(lines[:, None, :2, None], (*feet.shape[:2], 2, 1))
+    slope = np.linalg.solve(np.swapaxes(by_point[..., :2], 2, 3), right)[..., 0]
+    steep = np.linalg.norm(slope, axis=2)
+    by_camera = _TO_LEGENDRE @ -np.einsum("lki,lkij->lkj", slope, by_parameter)
+    windings = _TO_LEGENDRE @ (steep[..., None] * _SHAPES_AT_NODES)
+    slow = (1.0 / steep) @ _TO_LEGENDRE.T
+    found = []
+    for number, (middle, half) in enumerate(reach):
+        turned = np.zeros((1 + _DEGREES, _COLUMNS))
+        turned[1, 0], turned[2, 0] = middle, half
+        turned[0, 1] = turned[1, 2] = 1.0
+        turned[1:, RAY:_FIRST_SHAPE] = by_camera[number]
+        turned[1:, _FIRST_SHAPE:] = windings[number]
+        found.append((slow[number], turned))
+    return found
+
+
+def _frames(lines: Array) -> Array:
+    """``(L, 3, 3)``: from a point's place along its line, its distance from it, and 1, to its ray.
+    In these coordinates nothing cancels."""
+    frames = np.zeros((len(lines), RAY, RAY))
+    frames[:, 0, 0], frames[:, 1, 0] = lines[:, 1], -lines[:, 0]
+    frames[:, :2, 1] = lines[:, :2]
+    frames[:, :2, 2] = -lines[:, 2:] * lines[:, :2]
+    frames[:, 2, 2] = 1.0
+    return frames
+
+
+def _roots(products: Array) -> Array:
+    """R ``(L, q, q)`` with given products ``RᵀR``, by their eigenvectors: with columns of one
+    length they lose nothing that matters."""
+    size = np.sqrt(np.maximum(np.einsum("lqq->lq", products), 1e-300))
+    values, vectors = np.linalg.eigh(products / size[:, :, None] / size[:, None, :])
+    root = np.sqrt(np.maximum(values, 0.0))[:, :, None] * np.swapaxes(vectors, 1, 2)
+    return root * size[:, None, :]
 
 
 def line_rows(reduced: ReducedLines, board: Board, state: RigState) -> LineRows:

@@ -77,7 +77,7 @@ def calibrate(
     refuse_unusable_views(rig)
     options = options or CalibrationOptions()
     found = _screened(rig)
-    rig, noise = found.rig, noise_model(found.rig, found.start)
+    rig, noise = found.rig, found.noise or noise_model(found.rig, found.start)
     outcome = METHODS[method](found, noise, options)
     outcome = replace(outcome, warnings=(*outcome.warnings, *_warnings(found)))
     told = outcome.noise

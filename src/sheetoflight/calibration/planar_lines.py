@@ -131,7 +131,8 @@ def sheet_by_vanishing_points(xy: Array, view: np.ndarray, planes: Array) -> Con
     lines = image_lines(xy[there], view[there], len(planes))
     whole = np.isfinite(lines).all(axis=1)
     directions = normalised(np.cross(lines[whole], planes[whole, :3]))
-    _, size, vectors = np.linalg.svd(directions)
+    # a row of zeros, so that two directions too have a third singular vector
+    _, size, vectors = np.linalg.svd(np.pad(directions, ((0, 1), (0, 0))), full_matrices=False)
     if len(directions) < 2 or size[1] <= _PARALLEL * size[0]:
         raise UntrustworthyError(
             "plane",

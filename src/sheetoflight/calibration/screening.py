@@ -61,6 +61,8 @@ class Screened:
         What else the residuals point to.
     start : RigState, optional
         Camera and poses of the boards, where there are boards.
+    noise : NoiseModel, optional
+        What is known of its noise before it is adjusted, where that was worked out.
     """
 
     rig: Rig
@@ -68,6 +70,7 @@ class Screened:
     wrong: tuple[str, ...] = ()
     findings: tuple[Finding, ...] = ()
     start: RigState | None = None
+    noise: NoiseModel | None = None
 
 
 def screened(rig: Rig, start: RigState | None = None) -> Screened:
@@ -85,9 +88,9 @@ def screened(rig: Rig, start: RigState | None = None) -> Screened:
         If a fault runs through all views that would make the result misleading, or so much is
         wrong that what is right cannot be told.
     """
-    fit = _joint_fit(rig, start)
     if not rig.observations.stages():
-        return Screened(rig, fit)
+        return _boards_only(rig, start)
+    fit = _joint_fit(rig, start)
     if fit is None or not (fit.solution.converged and roughly_determined(fit)):
         return _screened_of_gross_errors(rig, start, fit)
     if exact(fit):
@@ -102,6 +105,14 @@ def screened(rig: Rig, start: RigState | None = None) -> Screened:
     found = _screened_of_gross_errors(rig, start, fit) if fit is None else _judged(rig, start, fit)
     others = (finding for finding in found.findings if finding.cause not in _NOISE_CAUSES)
     return replace(found, findings=(*others, *noisy))
+
+
+def _boards_only(rig: Rig, start: RigState | None) -> Screened:
+    task = _everything(rig, start)
+    try:
+        return Screened(rig, best_fit(task, with_sheets), noise=task.noise)
+    except UntrustworthyError:
+        return Screened(rig, None, noise=task.noise)
 
 
 def _noise_factors(scatter: Mapping[str, Scatter]) -> dict[str, float]:

@@ -39,6 +39,9 @@ _ROUGHLY = SolverOptions(tolerance=1e-2)
 _BRIEFLY = SolverOptions(iterations=15)
 """For what either arrives soon or has gone astray."""
 
+_AT_FIRST = SolverOptions(tolerance=1e-6)
+"""For what is adjusted again, once the proportions of the noise are known."""
+
 _AGREEING = 4
 """Starts that lead to one minimum before it is taken although it is not convincing: two have been
 seen to meet in a false one."""
@@ -100,7 +103,8 @@ def _from_boards(task: EstimationTask, complete: Completion) -> Solution[RigStat
     """Boards begin beside their minimum."""
     assert task.start is not None
     state = complete(task.rig, None, task.start)
-    return settled(_adjustment(task, task.free, state), state, task.blamed)
+    options = _AT_FIRST if len(task.rig.observations.board.line) else None
+    return settled(_adjustment(task, task.free, state), state, task.blamed, options)
 
 
 def _starts(

@@ -44,13 +44,14 @@ from sheetoflight.calibration.control_points import ControlledSheet
 from sheetoflight.errors import InputError, UntrustworthyError
 from sheetoflight.geometry.directions import Array
 
-_REWEIGHTINGS = 3
-
 _ROUNDING = 1e-9
 """Singular value of the equations, as a part of the first, that is still rounding."""
 
 _APART = 3.0
 """How much worse than the best solution the next one must fit: less, and noise chose."""
+
+_LEAST_WEIGHED = 1e-3
+"""Length of a line's first two parts, as a part of the greatest, below which none counts more."""
 
 _OUT_OF_SQUARE = 0.05
 """Greatest difference of scale between the two axes of the sheet, as seen, that noise may cause."""
@@ -60,8 +61,8 @@ def sheet_of_stepped_lines(xy: Array, travel_mm: Array, spacing: float) -> Contr
     """The sheet from its lines on a plate that travels by known amounts.
 
     ``r · (s N − M) = 0`` holds for every point ``r = (x, y, 1)`` of the line at travel s and is
-    linear in (N, M), which is the right singular vector of the smallest singular value; three
-    further passes divide each equation by the length of the first two parts of ``s N − M``, which
+    linear in (N, M), which is the right singular vector of the smallest singular value; one
+    further pass divides each equation by the length of the first two parts of ``s N − M``, which
     makes the residuals distances in the image. See the head of this module for what follows.
 
     The normal rests on lines extrapolated to infinite travel: a travel that is a small part of the
@@ -116,7 +117,7 @@ def sheet_of_stepped_lines(xy: Array, travel_mm: Array, spacing: float) -> Contr
 
 
 def _sheet_of_pencil(rays: Array, travel: Array, spacing: float) -> ControlledSheet:
-    far, near = _pencil(rays, travel)
+    far, near = _pencil(rays, travel)  # where s is counted from changes M along n alone
     steep = float(np.linalg.norm(far))
     normal = far / steep
     facing = rays @ normal
@@ -134,29 +135,25 @@ def _sheet_of_pencil(rays: Array, travel: Array, spacing: float) -> ControlledSh
 
 
 def _pencil(rays: Array, travel: Array) -> tuple[Array, Array]:
-    """N and M ``(3,)`` of the lines ``s N − M``, per mm of travel, up to one common factor."""
-    middle, reach = travel.mean(), travel.std()
-    s = (travel - middle) / reach
-    weight = np.ones(len(s))
-    size, solution = np.ones(6), np.zeros(6)
-    for _ in range(1 + _REWEIGHTINGS):
-        rows = np.concatenate([s[:, None] * rays, -rays], axis=1) * weight[:, None]
-        _, size, vectors = np.linalg.svd(rows, full_matrices=False)
-        if len(size) < 5 or size[4] <= _ROUNDING * size[0]:
-            break
-        solution = vectors[-1] if len(size) == 6 else np.linalg.svd(rows)[2][5]
-        lines = s[:, None] * solution[:2] - solution[3:5]
-        length = np.linalg.norm(lines, axis=1)
-        weight = 1.0 / np.maximum(length, 1e-3 * length.max())
-    rest = size[5] if len(size) == 6 else 0.0
-    if len(size) < 5 or size[4] <= max(_ROUNDING * size[0], _APART * rest):
+    """N and M ``(3,)`` of the lines ``s N − M``, with s counted from the middle travel, per mm of
+    travel, up to one common factor."""
+    reach = travel.std()
+    s = (travel - travel.mean()) / reach
+    rows = np.concatenate([s[:, None] * rays, -rays], axis=1)
+    # rows of zeros, so that five points too have six singular vectors
+    rows = np.pad(rows, ((0, max(0, 6 - len(rows))), (0, 0)))
+    _, size, vectors = np.linalg.svd(rows, full_matrices=False)
+    if size[4] <= max(_ROUNDING * size[0], _APART * size[5]):
         raise UntrustworthyError(
             "plane",
             "the line of light does not move enough to tell the sheet",
             "let the plate travel farther, and not along itself",
         )
-    far = solution[:3] / reach
-    return far, solution[3:] + middle * far
+    far, near = np.split(vectors[5], 2)
+    length = np.linalg.norm(s[:, None] * far[:2] - near[:2], axis=1)
+    rows[: len(s)] /= np.maximum(length, _LEAST_WEIGHED * length.max())[:, None]
+    far, near = np.split(np.linalg.svd(rows, full_matrices=False)[2][5], 2)
+    return far / reach, near
 
 
 def self_generated_plane(sheet_points: Array, xy: Array) -> ControlledSheet:

@@ -140,14 +140,12 @@ def _names(methods: str | None) -> tuple[str, ...] | None:
 def _tell(found: MethodComparison) -> None:
     options = found.options
     _tell_methods(found)
-    _tell_lengths(
-        found, "Errors that the calibration alone causes, mm rms (share of the bound)", _exact
-    )
+    _tell_lengths(found, "Errors that the calibration alone causes, mm rms", _exact)
     ends = f"Errors with the ends seen to {options.end_noise:g} px, mm"
     if options.case == "paper":
         _tell_lengths(found, f"{ends}, mean absolute (printed)", _printed)
     else:
-        _tell_lengths(found, f"{ends} rms", lambda score, place: _mm(_measured(score, place)))
+        _tell_lengths(found, f"{ends} rms", _measured)
     for score in found.scores:
         if score.refused:
             tell(
@@ -164,7 +162,7 @@ def _tell_methods(found: MethodComparison) -> None:
         ("normal", "sheet", "of the bound", "95 % holds", "time", "refused"),
     )
     for score in found.scores:
-        views = " + ".join(f"{count} {stage}" for stage, count in score.views.items())
+        views = " + ".join(str(count) for count in score.views.values())
         table.add_row(
             score.name,
             views,
@@ -191,12 +189,11 @@ def _tell_lengths(
 def _exact(score: MethodScore, place: int) -> str:
     if not score.lengths:
         return _NOTHING
-    length = score.lengths[place]
-    return f"{_mm(length.rms_mm)} ({100 * length.bound_share:.0f} %)"
+    return _mm(score.lengths[place].rms_mm)
 
 
-def _measured(score: MethodScore, place: int) -> float:
-    return score.lengths[place].measured_rms_mm if score.lengths else math.nan
+def _measured(score: MethodScore, place: int) -> str:
+    return _mm(score.lengths[place].measured_rms_mm) if score.lengths else _NOTHING
 
 
 def _printed(score: MethodScore, place: int) -> str:

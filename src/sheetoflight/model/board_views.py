@@ -89,6 +89,17 @@ class LinePixels:
         square."""
         return proportions(self.std)[0]
 
+    def groups(self) -> list[np.ndarray]:
+        """Numbers of the points of each line: those of one view, laser and face."""
+        if not len(self):
+            return []
+        key = (self.view * (self.laser.max() + 1) + self.laser) * (self.face.max() + 1) + self.face
+        if (np.diff(key) >= 0).all():
+            order = np.arange(len(key))
+        else:
+            order = np.argsort(key, kind="stable")
+        return np.split(order, np.flatnonzero(np.diff(key[order])) + 1)
+
     def take(self, points: np.ndarray) -> LinePixels:
         """The points that an index array or mask selects."""
         return LinePixels(

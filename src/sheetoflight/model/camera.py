@@ -163,28 +163,38 @@ class Camera:
         points = np.asarray(points, dtype=float)
         with np.errstate(divide="ignore", invalid="ignore"):
             inverse_z = np.where(points[..., 2] > 0, 1.0 / points[..., 2], np.nan)
-        normal_xy = points[..., :2] * inverse_z[..., None]
-        linear = self.matrix[:2, :2]
+        x, y = points[..., 0] * inverse_z, points[..., 1] * inverse_z
         if self.distorts:
-            distorted, by_normal = self._distorted_with_jacobian(normal_xy)
-            uv_by_normal = linear @ by_normal
+            bent = lens.distorted_with_jacobian(self.distortion, x, y)
         else:
-            distorted, uv_by_normal = normal_xy, linear
-        uv = distorted @ linear.T + self.matrix[:2, 2]
+            bent = lens.Bent(x, y, np.ones_like(x), np.zeros_like(x), np.ones_like(x))
+        uv = np.empty((*x.shape, 2))
+        uv[..., 0] = self.alpha * bent.x + self.gamma * bent.y + self.u0
+        uv[..., 1] = self.beta * bent.y + self.v0
 
-        by_point = np.empty((*uv.shape, 3))
-        by_point[..., :2] = uv_by_normal * inverse_z[..., None, None]
-        by_point[..., 2] = -(by_point[..., :2] @ normal_xy[..., None])[..., 0]
+        by_point = np.empty((*x.shape, 2, 3))
+        by_point[..., 0, 0] = (self.alpha * bent.xx + self.gamma * bent.xy) * inverse_z
+        by_point[..., 0, 1] = (self.alpha * bent.xy + self.gamma * bent.yy) * inverse_z
+        by_point[..., 1, 0] = self.beta * bent.xy * inverse_z
+        by_point[..., 1, 1] = self.beta * bent.yy * inverse_z
+        for row in (0, 1):
+            by_point[..., row, 2] = -(x * by_point[..., row, 0] + y * by_point[..., row, 1])
+        return uv, by_point, self._by_parameter(x, y, bent, parameters)
 
-        by_parameter = np.zeros((*uv.shape, len(parameters)))
+    def _by_parameter(
+        self, x: Array, y: Array, bent: lens.Bent, parameters: Sequence[int]
+    ) -> Array:
+        """Derivatives ``(..., 2, len(parameters))`` of the image points by the parameters."""
+        by_parameter = np.zeros((*x.shape, 2, len(parameters)))
         for column, index in enumerate(parameters):
             if index in _LINEAR_PARTS:
                 row, source = _LINEAR_PARTS[index]
-                by_parameter[..., row, column] = 1.0 if source is None else distorted[..., source]
+                by_parameter[..., row, column] = 1.0 if source is None else bent[source]
             else:
-                change = _distortion_by_coefficient(normal_xy, index - 5)
-                by_parameter[..., column] = change @ linear.T
-        return uv, by_point, by_parameter
+                across, down = lens.by_coefficient(index - 5, x, y)
+                by_parameter[..., 0, column] = self.alpha * across + self.gamma * down
+                by_parameter[..., 1, column] = self.beta * down
+        return by_parameter
 
     def pixels_of(self, normal_xy: Array) -> Array:
         """Image points ``(..., 2)`` px of ideal normalised coordinates ``(..., 2)``."""
@@ -228,16 +238,6 @@ class Camera:
         x, y = normal_xy[..., 0], normal_xy[..., 1]
         return np.stack(lens.distorted(self.distortion, x, y), axis=-1)
 
-    def _distorted_with_jacobian(self, normal_xy: Array) -> tuple[Array, Array]:
-        x, y = normal_xy[..., 0], normal_xy[..., 1]
-        image = lens.distorted_with_jacobian(self.distortion, x, y)
-        coordinates = np.empty_like(normal_xy)
-        coordinates[..., 0], coordinates[..., 1] = image.x, image.y
-        by_normal = np.empty((*normal_xy.shape, 2))
-        by_normal[..., 0, 0], by_normal[..., 1, 1] = image.xx, image.yy
-        by_normal[..., 0, 1] = by_normal[..., 1, 0] = image.xy
-        return coordinates, by_normal
-
 
 _LINEAR_PARTS: dict[int, tuple[int, int | None]] = {
     0: (0, 0),  # alpha: u moves with x'
@@ -247,18 +247,6 @@ _LINEAR_PARTS: dict[int, tuple[int, int | None]] = {
     4: (1, None),  # v0
 }
 """Of each entry of K: the image coordinate that it moves, and the coordinate it multiplies."""
-
-
-def _distortion_by_coefficient(normal_xy: Array, index: int) -> Array:
-    """Derivative ``(..., 2)`` of the distorted coordinates by k1, k2, p1, p2 or k3."""
-    x, y = normal_xy[..., 0], normal_xy[..., 1]
-    r2 = x * x + y * y
-    if index == 2:
-        return np.stack([2.0 * x * y, r2 + 2.0 * y * y], axis=-1)
-    if index == 3:
-        return np.stack([r2 + 2.0 * x * x, 2.0 * x * y], axis=-1)
-    power = {0: 1, 1: 2, 4: 3}[index]
-    return (r2**power)[..., None] * normal_xy
 
 
 def _inverse_2x2(matrices: Array) -> Array:

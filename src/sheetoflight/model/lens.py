@@ -74,6 +74,19 @@ def distorted_with_jacobian(coefficients: Coefficients, x: Array, y: Array) -> B
     )
 
 
+def by_coefficient(index: int, x: Array, y: Array) -> tuple[Array, Array]:
+    """Derivatives of the distorted coordinates by k1, k2, p1, p2 or k3, numbered from 0."""
+    r2 = x * x + y * y
+    if index == 2:
+        return 2.0 * x * y, r2 + 2.0 * y * y
+    if index == 3:
+        return r2 + 2.0 * x * x, 2.0 * x * y
+    power = r2
+    for _ in range({0: 0, 1: 1, 4: 2}[index]):
+        power = power * r2
+    return power * x, power * y
+
+
 def undistorted(coefficients: Coefficients, x: Array, y: Array) -> tuple[Array, Array]:
     """Ideal coordinates of distorted ones ``(N,)``, NaN where the distortion has no inverse.
 
