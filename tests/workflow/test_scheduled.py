@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import math
 import os
 import signal
 import subprocess
 import sys
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 
@@ -22,70 +23,65 @@ from sheetoflight.workflow.spread import Execution
 pytest.importorskip("distributed")
 
 OPTIONS = ComparisonOptions(
-    methods=("rod-joint", "crossing-two-step", "camera-free"), trials=24, segments=3, seed=11
+    methods=("rod-joint", "crossing-two-step", "camera-free"), trials=16, segments=3, seed=11
 )
 START_S = 30.0
 
-Started = Callable[..., subprocess.Popen[bytes]]
+
+class Cluster:
+    """Processes of ``python -m dask``, the scheduler first."""
+
+    def __init__(self, folder: Path) -> None:
+        self.folder = folder
+        self.processes: list[subprocess.Popen[bytes]] = []
+        self.start("scheduler", "--port", "0")
+        self.address = self._address()
+
+    def start(self, *words: str) -> subprocess.Popen[bytes]:
+        with (self.folder / f"{len(self.processes)}.log").open("wb") as log:
+            process = subprocess.Popen(
+                [sys.executable, "-m", "dask", *words, "--host", "127.0.0.1", "--no-dashboard"],
+                stdout=log,
+                stderr=log,
+                cwd=self.folder,
+                env={**os.environ, "OPENBLAS_NUM_THREADS": "1"},
+            )
+        self.processes.append(process)
+        return process
+
+    def worker(self) -> subprocess.Popen[bytes]:
+        """One process with one thread, which nobody restarts."""
+        return self.start("worker", self.address, "--nthreads", "1", "--no-nanny")
+
+    def _address(self) -> str:
+        log, until = self.folder / "0.log", time.monotonic() + START_S
+        while time.monotonic() < until:
+            for word in log.read_text().split():
+                if word.startswith("tcp://127.0.0.1:"):
+                    return word
+            time.sleep(0.05)
+        raise AssertionError(log.read_text())
 
 
 @pytest.fixture
-def started(tmp_path: Path) -> Iterator[Started]:
-    """Start ``python -m dask``, and end it after the test."""
-    running: list[subprocess.Popen[bytes]] = []
-
-    def start(*words: str) -> subprocess.Popen[bytes]:
-        log = (tmp_path / f"{len(running)}.log").open("wb")
-        with log:
-            running.append(
-                subprocess.Popen(
-                    [sys.executable, "-m", "dask", *words],
-                    stdout=log,
-                    stderr=log,
-                    cwd=tmp_path,
-                    env={**os.environ, "OPENBLAS_NUM_THREADS": "1"},
-                )
-            )
-        return running[-1]
-
-    yield start
-    for process in running:
+def cluster(tmp_path: Path) -> Iterator[Cluster]:
+    """A scheduler of this test's own, as yet without workers."""
+    made = Cluster(tmp_path)
+    yield made
+    for process in made.processes:
         process.kill()
         process.wait()
-
-
-@pytest.fixture
-def scheduler(started: Started, tmp_path: Path) -> str:
-    """The address of a scheduler without workers."""
-    log = tmp_path / "0.log"
-    started("scheduler", "--host", "127.0.0.1", "--port", "0", "--no-dashboard")
-    address = ""
-    until = time.monotonic() + START_S
-    while not address and time.monotonic() < until:
-        words = log.read_text().split() if log.exists() else []
-        address = next((word for word in words if word.startswith("tcp://127.0.0.1:")), "")
-        time.sleep(0.05)
-    assert address, log.read_text()
-    return address
-
-
-def worker(started: Started, scheduler: str) -> subprocess.Popen[bytes]:
-    """One process with one thread, which nobody restarts."""
-    words = ("--nthreads", "1", "--no-nanny", "--no-dashboard", "--host", "127.0.0.1")
-    return started("worker", scheduler, *words)
 
 
 def without_times(found: MethodComparison) -> MethodComparison:
     return replace(found, scores=tuple(replace(one, seconds=0.0) for one in found.scores))
 
 
-def test_a_worker_killed_in_mid_run_loses_nothing_and_changes_no_number(
-    started: Started, scheduler: str
-) -> None:
+def test_a_worker_killed_in_mid_run_loses_nothing_and_changes_no_number(cluster: Cluster) -> None:
     from distributed import Client
 
-    first, second = worker(started, scheduler), worker(started, scheduler)
-    with Client(scheduler, set_as_default=False, timeout=START_S) as client:
+    first, second = cluster.worker(), cluster.worker()
+    with Client(cluster.address, set_as_default=False, timeout=START_S) as client:
         client.wait_for_workers(2, timeout=START_S)
     told: list[int] = []
 
@@ -95,7 +91,7 @@ def test_a_worker_killed_in_mid_run_loses_nothing_and_changes_no_number(
             first.send_signal(signal.SIGKILL)
             first.wait()
 
-    found = compare(OPTIONS, Execution(kill_one_midway), scheduler)
+    found = compare(OPTIONS, Execution(kill_one_midway), cluster.address)
     assert first.returncode == -signal.SIGKILL
     assert second.poll() is None
     assert told == list(range(OPTIONS.trials + 1))
@@ -103,55 +99,76 @@ def test_a_worker_killed_in_mid_run_loses_nothing_and_changes_no_number(
     assert repr(without_times(found)) == repr(without_times(compare(OPTIONS)))
 
 
-def test_a_scheduler_that_does_not_answer_is_named() -> None:
-    with pytest.raises(InputError, match=r"no dask scheduler answers at tcp://127\.0\.0\.1:1 –"):
+def test_a_scheduler_that_does_not_answer_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("sheetoflight.workflow.scheduled._CONNECTING_S", 1.0)
+    with pytest.raises(InputError, match=r"no dask scheduler answers at 'tcp://127\.0\.0\.1:1' –"):
         list(spread_on_cluster("tcp://127.0.0.1:1", abs, [1, 2], "test"))
 
 
-@pytest.mark.parametrize("address", ["nonsense://x", "not an address", ""])
+@pytest.mark.parametrize(
+    "address", ["nonsense://x:1", "not an address", "", "tcp://127.0.0.1", "127.0.0.1:99999"]
+)
 def test_what_is_no_address_is_named(address: str) -> None:
     with pytest.raises(InputError, match="no dask scheduler answers"):
         list(spread_on_cluster(address, abs, [1, 2], "test"))
 
 
 def test_a_scheduler_without_workers_is_told(
-    scheduler: str, monkeypatch: pytest.MonkeyPatch
+    cluster: Cluster, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("sheetoflight.workflow.scheduled._CONNECTING_S", 1.0)
     with pytest.raises(InputError, match="has no workers – start some"):
-        list(spread_on_cluster(scheduler, abs, [1, 2], "test"))
+        list(spread_on_cluster(cluster.address, abs, [1, 2], "test"))
 
 
 def test_other_versions_on_a_worker_are_refused(
-    started: Started, scheduler: str, monkeypatch: pytest.MonkeyPatch
+    cluster: Cluster, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    worker(started, scheduler)
+    cluster.worker()
     from sheetoflight.workflow import scheduled
 
     other = {**scheduled._versions(), "numpy": "1.0"}
     monkeypatch.setattr(scheduled, "_versions", lambda: other)
     with pytest.raises(InputError, match=r"a worker has Python .*, here it is .*numpy 1\.0"):
-        list(spread_on_cluster(scheduler, abs, [1, 2], "test"))
+        list(spread_on_cluster(cluster.address, abs, [1, 2], "test"))
 
 
-def test_an_error_of_the_work_itself_arrives(started: Started, scheduler: str) -> None:
-    worker(started, scheduler)
-    with pytest.raises(ZeroDivisionError):
-        list(spread_on_cluster(scheduler, divided, [1, 0], "test"))
+def test_an_error_of_the_work_itself_arrives(cluster: Cluster) -> None:
+    cluster.worker()
+    with pytest.raises(ValueError, match="math domain error"):
+        list(spread_on_cluster(cluster.address, math.sqrt, [4.0, -1.0], "test"))
+
+
+def test_what_the_cluster_does_not_have_is_refused(cluster: Cluster) -> None:
+    cluster.worker()
+    with pytest.raises(InputError, match="cannot read what it is given – install sheetoflight"):
+        list(spread_on_cluster(cluster.address, divided, [1, 2], "test"))
+
+
+def test_a_scheduler_that_dies_is_told(cluster: Cluster, capfd: pytest.CaptureFixture[str]) -> None:
+    cluster.worker()
+
+    def kill(_: str, done: int, __: int) -> None:
+        if done == 1:
+            cluster.processes[0].kill()
+
+    with pytest.raises(InputError, match="the cluster was lost"):
+        list(spread_on_cluster(cluster.address, time.sleep, [0.1] * 40, "test", Execution(kill)))
+    assert capfd.readouterr().err == ""
 
 
 def test_workers_that_are_gone_for_good_are_told(
-    started: Started, scheduler: str, monkeypatch: pytest.MonkeyPatch
+    cluster: Cluster, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("sheetoflight.workflow.scheduled._PATIENCE_S", 2.0)
-    only = worker(started, scheduler)
+    only = cluster.worker()
 
     def kill(_: str, done: int, __: int) -> None:
         if done == 1:
             only.kill()
 
     with pytest.raises(InputError, match="the cluster was lost"):
-        list(spread_on_cluster(scheduler, time.sleep, [0.3] * 40, "test", Execution(kill)))
+        list(spread_on_cluster(cluster.address, time.sleep, [0.3] * 40, "test", Execution(kill)))
 
 
 def test_without_dask_the_remedy_is_named(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -94,7 +94,7 @@ def _cameras(rig: Rig) -> Iterator[Camera]:
         maps = maps[np.isfinite(maps).all(axis=(1, 2))]
         middle = 0.5 * (np.array(rig.image_size) - 1.0) * pixels[0, 0] + pixels[:2, 2]
         found = closed_form_cameras(np.zeros((0, 3)), list(maps), middle, rig.skew)
-        matrices = [np.linalg.solve(pixels, matrix) for matrix in found]
+        matrices = (np.linalg.solve(pixels, matrix) for matrix in found)
     else:
         matrices = _projected(rig)
     for matrix in matrices:

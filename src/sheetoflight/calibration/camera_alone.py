@@ -9,27 +9,41 @@ from sheetoflight.calibration.estimation_task import EstimationTask
 from sheetoflight.calibration.fitting import Fit
 from sheetoflight.calibration.identifiability import determined
 from sheetoflight.calibration.noise import NoiseModel
-from sheetoflight.calibration.rig_state import ANCHOR
+from sheetoflight.calibration.rig_state import ANCHOR, RigState
 from sheetoflight.calibration.search import best_fit
 from sheetoflight.errors import UntrustworthyError
+from sheetoflight.model.board_views import LinePixels
 from sheetoflight.model.observations import Observations, TargetViews
 from sheetoflight.model.rig import Rig
 
 
-def camera_alone(rig: Rig, noise: NoiseModel) -> tuple[Fit, tuple[str, ...]]:
-    """Camera and fixed point from the pivoting target alone, and warnings.
+def camera_alone(
+    rig: Rig, noise: NoiseModel, start: RigState | None = None
+) -> tuple[Fit, tuple[str, ...]]:
+    """Camera and fixed point from the pivoting target and the boards' points alone, and warnings.
+
+    Parameters
+    ----------
+    rig : Rig
+    noise : NoiseModel
+    start : RigState, optional
+        Camera and poses of the boards, where there are boards.
 
     Raises
     ------
     UntrustworthyError
         If the views do not determine them.
     """
-    views = rig.observations.camera
-    _refuse_few_camera_views(views, 6 if rig.skew else 5)
-    alone = replace(rig, observations=Observations(camera=views))
-    task = EstimationTask(alone, noise, {"camera": views}, ANCHOR, "camera")
+    views, boards = rig.observations.camera, rig.observations.board
+    if not len(boards):
+        _refuse_few_camera_views(views, 6 if rig.skew else 5)
+    points = replace(boards, line=LinePixels())
+    alone = replace(rig, observations=Observations(camera=views, board=points))
+    stages = alone.observations.stages()
+    blamed, others = ("camera", ANCHOR) if stages else ("board", ())
+    task = EstimationTask(alone, noise, stages, others, blamed, start)
     fit = best_fit(task, lambda _, __, state: state)
-    return determined(fit, "camera")
+    return determined(fit, blamed)
 
 
 def with_known_pixel_noise(camera: Fit) -> NoiseModel:

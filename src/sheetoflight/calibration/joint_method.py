@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from sheetoflight.calibration.estimation_task import EstimationTask
 from sheetoflight.calibration.fitting import Fit
+from sheetoflight.calibration.held_camera import with_known_camera
 from sheetoflight.calibration.identifiability import determined, require_open_sheets
 from sheetoflight.calibration.noise import NoiseModel
 from sheetoflight.calibration.outcome import Outcome
@@ -37,4 +38,7 @@ def joint(
     fit, weak = determined(fit, "joint" if rig.observations.stages() else "board")
     require_open_sheets(fit)
     names = (*intrinsic_names(rig.free_intrinsics), *sheet_names(len(rig.lasers)))
-    return Outcome(fit.state, influence(fit, names, "joint"), (fit,), fit, weak)
+    found = influence(fit, names, "joint")
+    if rig.camera_covariance is not None:
+        found = with_known_camera(fit, found, rig.camera_covariance)
+    return Outcome(fit.state, found, (fit,), fit, weak)

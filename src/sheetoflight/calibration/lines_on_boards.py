@@ -46,7 +46,7 @@ _NODES = np.cos(np.pi * (np.arange(_DEGREES) + 0.5) / _DEGREES)
 _TO_LEGENDRE = np.linalg.inv(legvander(_NODES, _DEGREES - 1))
 _SHAPES_AT_NODES = legvander(_NODES, max(SHAPES))[:, SHAPES] * np.sqrt(2 * np.array(SHAPES) + 1)
 
-_NEGLIGIBLE = 1e-4
+_NEGLIGIBLE = 1e-3
 """Largest second-order change of a line, in px, for which a neighbouring camera's rows will do."""
 
 

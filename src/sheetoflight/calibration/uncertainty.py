@@ -124,7 +124,9 @@ def marker_moves(fit: Fit) -> dict[str, list[Array]]:
     return moves
 
 
-def chained(first: Influence, second: Influence, slope: Array) -> Influence:
+def chained(
+    first: Influence, second: Influence, slope: Array, shared: Array | None = None
+) -> Influence:
     """Influence on two sets of estimates, the second computed with the first held.
 
     Parameters
@@ -133,16 +135,23 @@ def chained(first: Influence, second: Influence, slope: Array) -> Influence:
         Of P and Q parameters.
     slope : (Q, P) array
         How the second estimates move with the first.
+    shared : (P, Q) array, optional
+        Covariance of the two by the noise of the boards' points, which both saw.
     """
     down = np.concatenate([np.eye(len(first.names)), slope])
     aside = np.concatenate([np.zeros_like(slope.T), np.eye(len(second.names))])
-    noise = [
-        *((source, component, down @ part @ down.T) for source, component, part in first.noise),
-        *((source, component, aside @ part @ aside.T) for source, component, part in second.noise),
-    ]
+    shares: dict[tuple[str, str | None], Array] = {}
+    for change, influence in ((down, first), (aside, second)):
+        for source, component, part in influence.noise:
+            key = (source, component)
+            shares[key] = shares.get(key, 0.0) + change @ part @ change.T
+    if shared is not None:
+        key = next(k for k in shares if k[0] == NOISE_SOURCES[CORNER])
+        mixed = down @ shared @ aside.T
+        shares[key] = shares[key] + mixed + mixed.T
     return Influence(
         (*first.names, *second.names),
-        tuple(noise),
+        tuple((*key, part) for key, part in shares.items()),
         down @ first.by_marker + aside @ second.by_marker,
         down @ first.by_size + aside @ second.by_size,
         _chained_print(first, second, down, aside),

@@ -35,7 +35,8 @@ from sheetoflight.model.covariance import PLANE_PARTS, SHEET_MAP_PARTS
 from sheetoflight.report.budget import budget_table, parameter_budgets
 from sheetoflight.report.noise import noise_rows
 from sheetoflight.report.numbers import parameter_unit, rounded
-from sheetoflight.workflow.calibrated import calibrate_folder
+from sheetoflight.workflow.calibrated import calibrate as calibrate_rig
+from sheetoflight.workflow.calibrated import with_camera
 from sheetoflight.workflow.rig_folder import load_rig
 
 _GENETIC = GeneticOptions()
@@ -48,6 +49,7 @@ def calibrate(
     *,
     output: Annotated[Path, Parameter(name=("--output", "-o"))] = Path("calibration.json"),
     method: Literal["joint", "two-step", "paper", "camera-free"] = "joint",
+    camera: Path | None = None,
     json: AsJson = False,
     seed: int = _GENETIC.seed,
     population: int = _GENETIC.population,
@@ -67,6 +69,9 @@ def calibrate(
         joint: everything in one adjustment. two-step: the camera first, then the sheet.
         paper: triangulation, RANSAC and a genetic search, as in the paper. camera-free: from
         in-plane views alone, for lengths on the sheet.
+    camera
+        The camera, where it is known already: a calibration.json, or a file of OpenCV, ROS,
+        Kalibr, HALCON or Bouguet's toolbox. It is held, and its uncertainty carried on.
     json
         Print the result as JSON.
     seed
@@ -88,15 +93,18 @@ def calibrate(
     check = None if monte_carlo is None else MonteCarloOptions(monte_carlo, seed)
     refuse_to_overwrite(output, ())
     with on_all_cores() as run:
+        rig = load_rig(folder, run)
+        if camera is not None:
+            rig = with_camera(rig, camera)
         if check is None:
-            calibration = calibrate_folder(folder, method, options, run)
+            calibration = calibrate_rig(rig, method, options)
         elif method == CAMERA_FREE:
             raise InputError(
                 "--monte-carlo re-simulates a camera, which method camera-free does not know",
                 "use --method joint with it",
             )
         else:
-            calibration = calibrate_and_check(load_rig(folder, run), method, options, check, run)
+            calibration = calibrate_and_check(rig, method, options, check, run)
     calibration.save(output)
     for warning in calibration.warnings:
         warn(warning)
@@ -164,7 +172,7 @@ def calibration_summary(calibration: Calibration) -> dict[str, Any]:
         "camera": dict(
             zip(calibration.camera.PARAMETERS, calibration.camera.parameters.tolist(), strict=True)
         ),
-        "light_plane": planes[0],
+        "light_plane": planes[0] if planes else None,
         "light_planes": planes,
         "std": {name: covariance.std(name) for name in covariance.parameters},
         "std_by_source": {

@@ -157,7 +157,8 @@ def _tell(found: MethodComparison) -> None:
 def _tell_methods(found: MethodComparison) -> None:
     options = found.options
     table = plain_table(
-        f"{options.pictures} pictures each, noise {options.pixel_std:g} px, {options.trials} trials",
+        f"{options.pictures} pictures each, noise {options.pixel_std:g} px, "
+        f"{options.trials} trials",
         ("method", "pictures"),
         ("normal", "sheet", "of the bound", "95 % holds", "time", "refused"),
     )

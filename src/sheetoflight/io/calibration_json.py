@@ -175,8 +175,8 @@ def _sheet_calibration(content: CalibrationDocument) -> SheetCalibration:
 
 
 def _calibration(content: CalibrationDocument) -> Calibration:
-    if not content.light_planes:
-        raise InputError("'light_planes' is missing or empty", "calibrate again")
+    if content.light_planes is None:
+        raise InputError("'light_planes' is missing", "calibrate again")
     return Calibration(
         camera=_camera(content.camera),
         light_planes=_light_planes(content.light_planes),

@@ -155,7 +155,7 @@ class MonteCarloPart(_Part):
 class CalibrationDocument(_Part):
     """The whole file, its ``format`` and ``version`` checked before.
 
-    What this package writes beyond the documented keys may be missing: ``target`` (then its
+    ``light_planes`` is empty where the camera alone was calibrated. What this package writes beyond the documented keys may be missing: ``target`` (then its
     tolerance is not in the uncertainty), ``pixel_std`` (then ``rms_px``), ``warnings``,
     ``findings``, ``monte_carlo`` (then none was made), and of ``covariance`` its ``sources`` and
     ``noise`` (then what it comes from is not known).
@@ -163,7 +163,7 @@ class CalibrationDocument(_Part):
 
     method: _Name
     camera: CameraPart
-    light_planes: list[LightPlanePart] = []
+    light_planes: list[LightPlanePart] | None = None
     sheet_maps: list[SheetMapPart] = []
     target: TargetPart | None = None
     pixel_std: Annotated[float, Field(ge=0)] | None = None

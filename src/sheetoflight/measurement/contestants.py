@@ -44,7 +44,7 @@ class Contestant:
         rods = [stage for stage in self.stages if stage in _RODS]
         boards = 0 if "board" not in self.stages else pictures // 2 if rods else pictures
         left = pictures - boards
-        counts = {"board": boards} if boards else {}
+        counts = {"board": boards}
         if "camera" in rods and len(rods) > 1:
             counts["camera"] = round(camera_share * left)
             left -= counts["camera"]

@@ -102,9 +102,7 @@ class ComparisonOptions:
             if getattr(self, name) < least:
                 raise InputError(f"{name} is {getattr(self, name)}", f"give {least} or more")
         if not 0 < self.camera_share < 1:
-            raise InputError(
-                f"camera_share is {self.camera_share}", "give a share between 0 and 1"
-            )
+            raise InputError(f"camera_share is {self.camera_share}", "give a share between 0 and 1")
         sizes = (self.pixel_std, self.line_noise, self.end_noise, *self.lengths)
         if not all(math.isfinite(size) and size > 0 for size in sizes):
             raise InputError(
@@ -226,9 +224,7 @@ class MethodComparison:
     scores: tuple[MethodScore, ...]
 
 
-def compared(
-    options: ComparisonOptions, trials: Sequence[Sequence[Attempt]]
-) -> MethodComparison:
+def compared(options: ComparisonOptions, trials: Sequence[Sequence[Attempt]]) -> MethodComparison:
     """Scores of all contestants.
 
     Parameters

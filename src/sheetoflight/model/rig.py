@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 from sheetoflight.errors import InputError
 from sheetoflight.model.board import Board
 from sheetoflight.model.camera import DISTORTION_MODELS, Camera
+from sheetoflight.model.covariance import Covariance
 from sheetoflight.model.observations import Observations
 from sheetoflight.model.target import CollinearTarget
 
@@ -36,6 +37,8 @@ class Rig:
         What stage board shows.
     camera : Camera, optional
         The camera where it is known already; it is estimated where absent.
+    camera_covariance : Covariance, optional
+        Of the known camera's parameters; exact where absent.
     observations : Observations
     source : str
         Where it was read from, for reports.
@@ -50,6 +53,7 @@ class Rig:
     lasers: tuple[str, ...] = ("laser",)
     board: Board | None = None
     camera: Camera | None = None
+    camera_covariance: Covariance | None = None
     observations: Observations = field(default_factory=Observations)
     source: str = ""
 
@@ -57,6 +61,12 @@ class Rig:
         if self.distortion not in DISTORTION_MODELS:
             raise InputError(
                 f"distortion is '{self.distortion}'", f"choose {' | '.join(DISTORTION_MODELS)}"
+            )
+        if self.camera is not None and self.camera.image_size != tuple(self.image_size):
+            raise InputError(
+                f"the known camera's pictures have {list(self.camera.image_size)} px, the rig's "
+                f"have {list(self.image_size)}",
+                "give the calibration of this camera at this picture size",
             )
         if self.pixel_std is not None and not (
             math.isfinite(self.pixel_std) and self.pixel_std > 0

@@ -19,6 +19,10 @@ _UNEXPLAINED = (
     "The residuals are larger than the stated noise, and no single fault of target, lens, pivot or "
     "laser explains that."
 )
+_BOARDS = (
+    "No view, point or line was left out as wrong. No single fault is sought in boards: the "
+    "residuals above show how they fit, and misprinted points are part of the uncertainty."
+)
 _NO_VIEWS = "This calibration carries no views, so nothing can be said of its residuals."
 _RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 
@@ -66,6 +70,8 @@ def diagnosis(calibration: Calibration) -> Diagnosis:
 def _sentence(calibration: Calibration) -> str:
     if not calibration.residuals.views:
         return _NO_VIEWS
+    if {view.stage for view in calibration.residuals.views} == {"board"}:
+        return _BOARDS
     return _UNEXPLAINED if residuals_exceed_noise(calibration) else _NOISE
 
 

@@ -11,7 +11,7 @@ import plotly.graph_objects as go
 
 from sheetoflight.geometry.directions import Array
 from sheetoflight.model.calibration import Calibration
-from sheetoflight.report.budget import Budget, sources_of
+from sheetoflight.report.board_outlines import outline
 from sheetoflight.report.numbers import two_digits
 from sheetoflight.report.point_groups import PointGroup, point_groups, stages_of
 
@@ -24,20 +24,14 @@ STAGE_COLOURS = {
 OTHER_COLOUR = "#8a7fb8"
 SHEET_COLOURS = ("#e0453a", "#3f8f3f", "#8e5bd0", "#0f8aa8")
 NEUTRAL = "#808890"
-SOURCE_COLOURS = {
-    "camera": STAGE_COLOURS["camera"],
-    "sheet": STAGE_COLOURS["plane"],
-    "crossing": STAGE_COLOURS["crossing"],
-    "placement": "#a2426b",
-    "target length": STAGE_COLOURS["board"],
-    "temperature": "#6b8e23",
-    "image points": "#7d8791",
-    "calibration": STAGE_COLOURS["camera"],
-}
 
 _ARROW_SHARE = 0.03
+_SPACING_SHARE = 0.6
+_IMAGE_DOTS = {"markers": 5, "spots": 8, "board": 3}
+_RESIDUAL_DOTS = {"markers": 5, "spots": 5, "board": 3}
+_OUTLINE_OPACITY = 0.6
+_SHAFTS = {"markers": 1.3, "spots": 1.3, "board": 0.8}
 _OVERVIEW_MARGIN = 0.05
-_LEAST_LABELLED = 4.0
 
 
 def stage_colour(stage: str) -> str:
@@ -64,25 +58,43 @@ def label(text: str) -> str:
 
 
 def image_points(calibration: Calibration) -> go.Figure:
-    """Image points of markers and spots of every view, in the picture's frame (the paper's
-    Fig. 4)."""
+    """Image points of markers, spots and boards of every view, in the picture's frame (the
+    paper's Fig. 4)."""
     figure = go.Figure()
     for group in point_groups(calibration):
+        if group.kind == "board":
+            _add_outlines(figure, group)
         uv, names = joined(group.uv, group.views)
         colour = group_colour(group)
-        spots = group.kind == "spots"
         figure.add_scatter(
             x=uv[:, 0],
             y=uv[:, 1],
-            mode="markers" if spots else "lines+markers",
+            mode="lines+markers" if group.kind == "markers" else "markers",
             name=counted(group),
+            legendgroup=group.title,
             text=names,
             line={"color": colour, "width": 0.8},
-            marker={"color": colour, "size": 8 if spots else 5, "symbol": symbol(group)},
+            marker={"color": colour, "size": _IMAGE_DOTS[group.kind], "symbol": symbol(group)},
             hovertemplate="%{text}<br>u %{x:.2f}, v %{y:.2f} px<extra></extra>",
         )
+    figure.update_layout(legend={"itemsizing": "constant"})
     frame_of_picture(figure, calibration.camera.image_size)
     return figure
+
+
+def _add_outlines(figure: go.Figure, group: PointGroup) -> None:
+    """The outline of the board in every view, as one trace."""
+    uv, _ = joined([points[outline(points)] for points in group.uv], group.views)
+    figure.add_scatter(
+        x=uv[:, 0],
+        y=uv[:, 1],
+        mode="lines",
+        showlegend=False,
+        legendgroup=group.title,
+        line={"color": group_colour(group), "width": 1},
+        opacity=_OUTLINE_OPACITY,
+        hoverinfo="skip",
+    )
 
 
 def counted(group: PointGroup) -> str:
@@ -124,10 +136,10 @@ def residual_bars(calibration: Calibration) -> go.Figure:
 
 def residual_arrows(calibration: Calibration) -> go.Figure:
     """Residuals as arrows over the picture, enlarged by a round factor that is stated."""
-    width = calibration.camera.image_size[0]
-    factor = round_factor(_ARROW_SHARE * width, calibration.residuals.rms_px)
-    figure = go.Figure()
-    for group in point_groups(calibration):
+    figure, groups = go.Figure(), point_groups(calibration)
+    room = _room_of_arrows(groups, calibration.camera.image_size)
+    factor = round_factor(room, calibration.residuals.rms_px)
+    for group in groups:
         uv, residuals = np.concatenate(group.uv), np.concatenate(group.residuals)
         seen = np.isfinite(uv).all(axis=1) & np.isfinite(residuals).all(axis=1)
         uv, tips = uv[seen], uv[seen] + factor * residuals[seen]
@@ -139,7 +151,7 @@ def residual_arrows(calibration: Calibration) -> go.Figure:
             mode="lines",
             name=label(group.title),
             legendgroup=group.title,
-            line={"color": colour, "width": 1.3},
+            line={"color": colour, "width": _SHAFTS[group.kind]},
             hoverinfo="skip",
         )
         figure.add_scatter(
@@ -148,13 +160,21 @@ def residual_arrows(calibration: Calibration) -> go.Figure:
             mode="markers",
             showlegend=False,
             legendgroup=group.title,
-            marker={"color": colour, "size": 5, "symbol": symbol(group)},
+            marker={"color": colour, "size": _RESIDUAL_DOTS[group.kind], "symbol": symbol(group)},
             customdata=residuals[seen],
             hovertemplate="du %{customdata[0]:.3g}, dv %{customdata[1]:.3g} px<extra></extra>",
         )
     frame_of_picture(figure, calibration.camera.image_size)
     figure.update_xaxes(title=f"u, px – residuals enlarged {factor:g} times")
     return figure
+
+
+def _room_of_arrows(groups: Sequence[PointGroup], image_size: tuple[int, int]) -> float:
+    """How long an arrow of usual size may be, px: a share of the picture's width, and less where
+    points stand so densely that arrows would cover one another."""
+    width, height = image_size
+    spacing = math.sqrt(width * height / max(sum(group.seen for group in groups), 1))
+    return min(_ARROW_SHARE * width, _SPACING_SHARE * spacing)
 
 
 def residual_scatter(calibration: Calibration) -> go.Figure:
@@ -169,7 +189,12 @@ def residual_scatter(calibration: Calibration) -> go.Figure:
             mode="markers",
             name=label(group.title),
             text=names,
-            marker={"color": colour, "size": 5, "opacity": 0.75, "symbol": symbol(group)},
+            marker={
+                "color": colour,
+                "size": _RESIDUAL_DOTS[group.kind],
+                "opacity": 0.75,
+                "symbol": symbol(group),
+            },
             hovertemplate="%{text}<br>du %{x:.3g}, dv %{y:.3g} px<extra></extra>",
         )
     for multiple in (1, 2, 3):
@@ -187,42 +212,6 @@ def residual_scatter(calibration: Calibration) -> go.Figure:
     figure.update_xaxes(title="du, px", zeroline=True, range=[-reach, reach])
     figure.update_yaxes(title="dv, px", zeroline=True, range=[reach, -reach])
     _equal_scales(figure)
-    return figure
-
-
-def budget_bars(budgets: Sequence[Budget]) -> go.Figure:
-    """One bar for each budget: the sources' shares of its variance in per cent."""
-    figure = go.Figure()
-    places = list(range(len(budgets)))
-    for source in sources_of(budgets):
-        having = [place for place in places if source in dict(budgets[place].shares)]
-        percent = [100.0 * budgets[place].part(source) for place in having]
-        figure.add_bar(
-            x=percent,
-            y=having,
-            orientation="h",
-            name=label(source),
-            marker={"color": SOURCE_COLOURS.get(source, OTHER_COLOUR)},
-            text=[f"{part:.0f}" if part >= _LEAST_LABELLED else "" for part in percent],
-            textposition="inside",
-            insidetextanchor="middle",
-            textangle=0,
-            hovertext=[
-                f"{label(budgets[place].name)}: {dict(budgets[place].shares)[source]:.2g} "
-                f"{budgets[place].unit}"
-                for place in having
-            ],
-            hovertemplate=f"%{{hovertext}}, %{{x:.1f}} % from {label(source)}<extra></extra>",
-        )
-    figure.update_layout(barmode="stack", bargap=0.35, legend={"traceorder": "normal"})
-    figure.update_xaxes(title="share of the variance, %", range=[0, 100], zeroline=False)
-    figure.update_yaxes(
-        tickvals=places,
-        ticktext=[label(budget.name) for budget in budgets],
-        range=[len(budgets) - 0.5, -0.5],
-        showgrid=False,
-        zeroline=False,
-    )
     return figure
 
 

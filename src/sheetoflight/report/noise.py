@@ -10,11 +10,16 @@ from sheetoflight.model.covariance import Covariance
 from sheetoflight.model.target import CollinearTarget
 from sheetoflight.report.budget import freedom_text
 from sheetoflight.report.numbers import rounded, two_digits
+from sheetoflight.report.point_groups import has_lines
 
 COMPONENTS = {
     "pixel": ("image coordinates of markers and spots", "px"),
     "placement": ("ends of the target off the sheet of light, stage plane", "mm"),
     "marker": ("single markers off the sheet of light, stage plane", "mm"),
+    "corner": ("image coordinates of a board's points", "px"),
+    "stripe": ("points of a line on a board about the line", "px"),
+    "line": ("whole lines on boards off the sheet of light", "mm"),
+    "shape": ("windings of a line on a board", "px"),
 }
 """Every noise component by its name in files, what it is the standard deviation of, its unit."""
 
@@ -25,6 +30,8 @@ _STATED_NONE = "stated as none"
 _BESIDE_STATED = "not sought where the placement error is stated"
 _NOT_SOUGHT = "not sought by this method"
 _NOT_RECORDED = "the file does not say where it comes from"
+_IMAGE_POINTS = ("pixel", "corner")
+_OFF_SHEET = ("placement", "marker")
 NO_SIZE = ("–", "0")
 """What stands for the size of noise that there is none of."""
 
@@ -54,17 +61,23 @@ def noise_rows(calibration: Calibration) -> tuple[NoiseRow, ...]:
     return (*filter(None, rows), *_of_target(calibration.target))
 
 
+def image_noise(calibration: Calibration) -> str:
+    """The component whose size is the calibration's ``pixel_std``."""
+    return "corner" if _stages(calibration) == {"board"} else "pixel"
+
+
 def noise_origin(calibration: Calibration, component: str) -> str:
     """Whether a component was estimated or stated, in a word or two."""
     covariance = calibration.covariance
     if component in covariance.components.names:
         return ESTIMATED
-    if component != "pixel" and _STATED_PLACEMENT in calibration.provenance:
+    if component in _OFF_SHEET and _STATED_PLACEMENT in calibration.provenance:
         return _off_sheet_origin(calibration, component)
     if not covariance.sources:
         return _NOT_RECORDED
-    stated = component == "pixel" or any(source.name == component for source in covariance.sources)
-    return STATED if stated else _NOT_FOUND
+    if component in _IMAGE_POINTS or any(s.name == component for s in covariance.sources):
+        return STATED
+    return _NOT_FOUND if component in _OFF_SHEET else _FOUND_NONE
 
 
 def _off_sheet_origin(calibration: Calibration, component: str) -> str:
@@ -85,11 +98,10 @@ def _stated_placement(calibration: Calibration) -> float | None:
 
 
 def _component(calibration: Calibration, name: str) -> NoiseRow | None:
-    """A row; None for noise off the sheet where no target lay in it."""
+    """A row; None for noise that nothing in the views could have shown."""
     if name in calibration.covariance.components.names:
         return _estimated(calibration.covariance, name)
-    stages = {view.stage for view in calibration.residuals.views}
-    if name != "pixel" and "plane" not in stages:
+    if not _acts(calibration, name):
         return None
     meaning, unit = COMPONENTS[name]
     return NoiseRow(
@@ -103,8 +115,22 @@ def _component(calibration: Calibration, name: str) -> NoiseRow | None:
     )
 
 
-def _stated_size(calibration: Calibration, name: str) -> str:
+def _acts(calibration: Calibration, name: str) -> bool:
+    """Whether the views are of the kind that such noise disturbs."""
+    stages = _stages(calibration)
     if name == "pixel":
+        return stages != {"board"}
+    if name == "corner":
+        return "board" in stages
+    return "plane" in stages if name in _OFF_SHEET else has_lines(calibration)
+
+
+def _stages(calibration: Calibration) -> set[str]:
+    return {view.stage for view in calibration.residuals.views}
+
+
+def _stated_size(calibration: Calibration, name: str) -> str:
+    if name in _IMAGE_POINTS:
         return two_digits(calibration.pixel_std)
     stated = _stated_placement(calibration) if name == "placement" else None
     return NO_SIZE[0] if stated is None else two_digits(stated) if stated > 0 else NO_SIZE[1]

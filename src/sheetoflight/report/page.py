@@ -5,6 +5,8 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
+import numpy as np
+
 from sheetoflight.model.calibration import Calibration
 from sheetoflight.report import numbers
 from sheetoflight.report.budget import Budget, budget_table, length_budget, parameter_budgets
@@ -13,10 +15,19 @@ from sheetoflight.report.diagnosis_block import diagnosis
 from sheetoflight.report.environment import environment
 from sheetoflight.report.length_field import LengthField, field_tables, length_fields, summary
 from sheetoflight.report.monte_carlo_block import monte_carlo_tables
-from sheetoflight.report.noise import NO_SIZE, NoiseRow, noise_origin, noise_rows
+from sheetoflight.report.noise import (
+    NO_SIZE,
+    NoiseRow,
+    image_noise,
+    noise_origin,
+    noise_rows,
+)
 from sheetoflight.report.picture_block import picture_blocks
 from sheetoflight.report.plots import budget_plot, calibration_plots, residual_plots
-from sheetoflight.report.point_groups import point_groups, stages_of
+from sheetoflight.report.point_groups import largest_px, point_groups, stages_of
+
+_SENSOR = ("Camera", "Camera and sheet of light", "Camera and sheets of light")
+"""What was calibrated, by the number of sheets."""
 
 
 def build_report(
@@ -49,8 +60,8 @@ def build_report(
     """
     fields = length_fields(calibration)
     budgets = _length_budgets(calibration, fields, pictures)
-    covariance = calibration.covariance
-    known = bool(covariance.parameters)
+    by_parameter = parameter_budgets(calibration.covariance)
+    known = bool(calibration.covariance.parameters)
     noise = noise_rows(calibration)
     return (
         environment()
@@ -58,17 +69,20 @@ def build_report(
         .render(
             calibration=calibration,
             several=len(calibration.light_planes) > 1,
+            sensor=_SENSOR[min(len(calibration.light_planes), 2)],
             noise_words=numbers.noise_in_words(calibration),
             noise=noise,
-            pixel_origin=noise_origin(calibration, "pixel"),
+            pixel_origin=noise_origin(calibration, image_noise(calibration)),
             placement=_placement(noise),
             diagnosis=diagnosis(calibration),
             stages=_stage_counts(calibration),
-            groups=_group_counts(calibration),
+            groups=_group_rows(calibration),
+            boards=_board_rows(calibration),
             fields=[(summary(field), field_tables(field)) for field in fields],
             budget=budget_table(budgets, known),
+            sources=budget_table([*budgets, *by_parameter]).meanings,
             budget_plot=budget_plot(budgets) if known else None,
-            parameters=budget_table(parameter_budgets(covariance)) if known else None,
+            parameters=budget_table(by_parameter) if known else None,
             camera=numbers.camera_quantities(calibration),
             planes=[
                 (p.name, numbers.plane_quantities(calibration, p), numbers.paper_equation(p))
@@ -118,10 +132,24 @@ def _stage_counts(calibration: Calibration) -> list[tuple[str, int]]:
     return [(stage, sum(v.stage == stage for v in views)) for stage in stages_of(views)]
 
 
-def _group_counts(calibration: Calibration) -> list[tuple[str, int, str]]:
-    """Title, number of views and rms residual of each group of points."""
-    return [(group.title, len(group), _px(group.rms_px)) for group in point_groups(calibration)]
+def _group_rows(calibration: Calibration) -> list[tuple[str, int, int, str, str]]:
+    """Title, number of views, number of points, rms and largest residual of each group."""
+    return [
+        (group.title, len(group), group.seen, _px(group.rms_px), _px(group.largest_px))
+        for group in point_groups(calibration)
+    ]
 
 
-def _px(rms: float) -> str:
-    return numbers.two_digits(rms) if math.isfinite(rms) else "–"
+def _board_rows(calibration: Calibration) -> list[tuple[str, str, str, str]]:
+    """Name, points seen of all, rms and largest residual of each view of a board."""
+    rows = []
+    for view in calibration.residuals.views:
+        if view.stage == "board":
+            seen = int(np.isfinite(view.uv).all(axis=1).sum())
+            rms, largest = _px(view.rms_px if seen else math.nan), _px(largest_px(view.residuals))
+            rows.append((view.view, f"{seen} of {len(view.uv)}", rms, largest))
+    return rows
+
+
+def _px(residual: float) -> str:
+    return numbers.two_digits(residual) if math.isfinite(residual) else "–"

@@ -13,9 +13,15 @@ from markupsafe import Markup
 from sheetoflight.model.calibration import Calibration
 from sheetoflight.report import figures, space
 from sheetoflight.report.budget import Budget
+from sheetoflight.report.budget_figure import budget_bars
 from sheetoflight.report.point_groups import point_groups
 
-_SPOTS = ", spots of a laser are crosses"
+_DRAWN = {
+    "markers": "markers of one view are joined",
+    "spots": "spots of a laser are crosses",
+    "board": "boards are drawn as outlines through their outermost points",
+}
+"""Words for the kinds of `point_groups`."""
 _PLACED = " In stage plane the target's distance from the sheet adds to the noise."
 _MOST_BARS = 40
 _BAR_REM, _AROUND_BARS_REM = 2.4, 8.0
@@ -56,7 +62,7 @@ def budget_plot(budgets: Sequence[Budget]) -> Plot | None:
         return None
     rest = len(budgets) - len(shown)
     return plot(
-        figures.budget_bars(shown),
+        budget_bars(shown),
         "figure-budget",
         "What limits a length",
         "Shares of the variance. Who wants to measure better begins with the longest piece."
@@ -66,8 +72,21 @@ def budget_plot(budgets: Sequence[Budget]) -> Plot | None:
     )
 
 
-def _has_spots(calibration: Calibration) -> bool:
-    return any(group.kind == "spots" for group in point_groups(calibration))
+def _what_is_drawn(calibration: Calibration) -> str:
+    """How the figure in the picture shows what there is."""
+    kinds = _kinds(calibration)
+    said = ", ".join(words for kind, words in _DRAWN.items() if kind in kinds)
+    paper = " The paper's figure 4." if "markers" in kinds else ""
+    return f"{said[0].upper()}{said[1:]}; the frame is the picture.{paper}"
+
+
+def _kinds(calibration: Calibration) -> set[str]:
+    return {group.kind for group in point_groups(calibration)}
+
+
+def _title_in_space(calibration: Calibration) -> str:
+    planes = len(calibration.light_planes)
+    return f"Targets and {('camera', 'sheet of light', 'sheets of light')[min(planes, 2)]} in space"
 
 
 def calibration_plots(calibration: Calibration) -> list[Plot]:
@@ -75,10 +94,9 @@ def calibration_plots(calibration: Calibration) -> list[Plot]:
     in_space = plot(
         space.points_and_sheets(calibration),
         "figure-space",
-        "Targets and sheets of light in space"
-        if len(calibration.light_planes) > 1
-        else "Targets and sheet of light in space",
-        "Camera frame in mm; turn it with the mouse. The paper's figure 5.",
+        _title_in_space(calibration),
+        "Camera frame in mm; turn it with the mouse."
+        + (" The paper's figure 5." if _kinds(calibration) != {"board"} else ""),
         "space",
     )
     if not calibration.residuals.views:
@@ -87,8 +105,7 @@ def calibration_plots(calibration: Calibration) -> list[Plot]:
         figures.image_points(calibration),
         "figure-image-points",
         "Image points of the targets",
-        f"Markers of one view are joined{_SPOTS if _has_spots(calibration) else ''}; the frame "
-        "is the picture. The paper's figure 4.",
+        _what_is_drawn(calibration),
         "tall",
     )
     return [in_picture, in_space]
@@ -111,7 +128,7 @@ def residual_plots(calibration: Calibration) -> list[Plot]:
             figures.residual_arrows(calibration),
             "figure-residual-arrows",
             "Residuals over the picture",
-            "Observed minus predicted, drawn from each marker's dot. Where neighbours agree, the "
+            "Observed minus predicted, drawn from each point's dot. Where neighbours agree, the "
             "lens model is too simple.",
             "tall",
         ),

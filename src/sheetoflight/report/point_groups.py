@@ -10,6 +10,9 @@ import numpy as np
 
 from sheetoflight.geometry.directions import Array
 from sheetoflight.model.calibration import Calibration, ViewResiduals
+from sheetoflight.report.board_outlines import outline, seen_in_sheet
+
+PointKind = Literal["markers", "spots", "board"]
 
 
 @dataclass(frozen=True)
@@ -19,7 +22,7 @@ class PointGroup:
     Parameters
     ----------
     stage : str
-    kind : {"markers", "spots"}
+    kind : {"markers", "spots", "board"}
         In stage crossing the lasers' spots are a group of their own.
     laser : int, optional
         Number of the sheet in which the points lie; None for targets outside any sheet.
@@ -34,7 +37,7 @@ class PointGroup:
     """
 
     stage: str
-    kind: Literal["markers", "spots"]
+    kind: PointKind
     laser: int | None
     title: str
     views: tuple[str, ...]
@@ -44,6 +47,16 @@ class PointGroup:
 
     def __len__(self) -> int:
         return len(self.views)
+
+    @property
+    def seen(self) -> int:
+        """Number of points that were seen, in all views together."""
+        return sum(int(np.isfinite(uv).all(axis=1).sum()) for uv in self.uv)
+
+    @property
+    def largest_px(self) -> float:
+        """Greatest distance of a point from its prediction, px; NaN where nothing was seen."""
+        return largest_px(np.concatenate(self.residuals))
 
     @property
     def rms_px(self) -> float:
@@ -64,7 +77,8 @@ def point_groups(calibration: Calibration) -> tuple[PointGroup, ...]:
         elif stage == "crossing":
             groups += _crossing(calibration, of_stage)
         else:
-            groups.append(_group(of_stage, slice(None), stage))
+            kind = "board" if stage == "board" else "markers"
+            groups.append(_group(of_stage, slice(None), stage, kind=kind))
     return tuple(groups)
 
 
@@ -73,11 +87,34 @@ def stages_of(views: Sequence[ViewResiduals]) -> tuple[str, ...]:
     return tuple(dict.fromkeys(view.stage for view in views))
 
 
+def largest_px(residuals: Array) -> float:
+    """The longest of the residuals ``(N, 2)``, px; NaN where there is none."""
+    lengths = np.linalg.norm(residuals[np.isfinite(residuals).all(axis=1)], axis=1)
+    return float(lengths.max()) if len(lengths) else np.nan
+
+
 def in_sheet(calibration: Calibration, laser: int) -> Array:
-    """Markers and spots ``(N, 3)`` of all views that lie in the sheet of one laser, mm."""
-    groups = [group for group in point_groups(calibration) if group.laser == laser]
-    points = np.concatenate([np.empty((0, 3)), *(xyz for group in groups for xyz in group.xyz)])
+    """Points ``(N, 3)`` of all views that lie in the sheet of one laser, mm.
+
+    Markers and spots, and where lines on boards were used, the ends of the lines, roughly.
+    """
+    groups = point_groups(calibration)
+    parts = [xyz for group in groups if group.laser == laser for xyz in group.xyz]
+    if has_lines(calibration):
+        plane = calibration.light_planes[laser]
+        parts += [
+            seen_in_sheet(xyz[outline(uv)], plane)
+            for group in groups
+            if group.kind == "board"
+            for uv, xyz in zip(group.uv, group.xyz, strict=True)
+        ]
+    points = np.concatenate([np.empty((0, 3)), *parts])
     return points[np.isfinite(points).all(axis=1)]
+
+
+def has_lines(calibration: Calibration) -> bool:
+    """Whether lines of light on boards were used: their scatter is always estimated."""
+    return "stripe" in calibration.covariance.components.names
 
 
 def _lying(calibration: Calibration, views: Sequence[ViewResiduals]) -> list[PointGroup]:
@@ -125,7 +162,7 @@ def _group(
     points: slice,
     title: str,
     laser: int | None = None,
-    kind: Literal["markers", "spots"] = "markers",
+    kind: PointKind = "markers",
 ) -> PointGroup:
     return PointGroup(
         views[0].stage,

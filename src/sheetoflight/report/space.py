@@ -12,6 +12,7 @@ from sheetoflight.measurement.triangulation import triangulate
 from sheetoflight.model.calibration import Calibration
 from sheetoflight.model.light_plane import LightPlane
 from sheetoflight.model.line_piece import LinePiece
+from sheetoflight.report.board_outlines import outline
 from sheetoflight.report.figures import (
     NEUTRAL,
     counted,
@@ -35,11 +36,14 @@ _HOVER = "X %{x:.2f}, Y %{y:.2f}, Z %{z:.2f} mm<extra></extra>"
 
 
 def points_and_sheets(calibration: Calibration) -> go.Figure:
-    """Markers, spots, camera and every sheet of light (the paper's Fig. 5)."""
+    """Targets, spots, camera and every sheet of light (the paper's Fig. 5)."""
     figure = go.Figure()
     groups = point_groups(calibration)
     for group in groups:
-        _add_points(figure, group)
+        if group.kind == "board":
+            _add_boards(figure, group)
+        else:
+            _add_points(figure, group)
     lasers = range(len(calibration.light_planes))
     around = [_near_sheet(calibration, laser) for laser in lasers]
     seen = [part for group in groups for part in group.xyz]
@@ -88,6 +92,33 @@ def _add_points(figure: go.Figure, group: PointGroup) -> None:
         opacity=_FAINT if background else _CLEAR,
         line={"color": colour, "width": 2 if background else 4},
         marker={"color": colour, "size": 2 if background else 4, "symbol": symbol(group)},
+        hovertemplate="%{text}<br>" + _HOVER,
+    )
+
+
+def _add_boards(figure: go.Figure, group: PointGroup) -> None:
+    """The outline of the board in every view, and its points, faint, under the same name."""
+    colour = group_colour(group)
+    rings = [xyz[outline(uv)] for uv, xyz in zip(group.uv, group.xyz, strict=True)]
+    lines, names = joined(rings, group.views)
+    figure.add_scatter3d(
+        **_coordinates(lines),
+        mode="lines",
+        name=counted(group),
+        legendgroup=group.title,
+        text=names,
+        line={"color": colour, "width": 3},
+        hovertemplate="%{text}<extra></extra>",
+    )
+    points, names = joined(group.xyz, group.views)
+    figure.add_scatter3d(
+        **_coordinates(points),
+        mode="markers",
+        showlegend=False,
+        legendgroup=group.title,
+        text=names,
+        opacity=_FAINT,
+        marker={"color": colour, "size": 1.5},
         hovertemplate="%{text}<br>" + _HOVER,
     )
 

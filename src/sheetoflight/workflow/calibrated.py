@@ -12,6 +12,8 @@ from sheetoflight.calibration import methods
 from sheetoflight.calibration.camera_free_method import camera_free
 from sheetoflight.calibration.methods import CAMERA_FREE, CalibrationOptions
 from sheetoflight.io.calibration_json import read_any_calibration, read_calibration
+from sheetoflight.io.exchange import is_calibration, read_exchange
+from sheetoflight.model.board import Board, PlanarBoard
 from sheetoflight.model.calibration import AnyCalibration, Calibration, SheetCalibration
 from sheetoflight.model.rig import Rig
 from sheetoflight.workflow.rig_folder import load_rig
@@ -110,6 +112,34 @@ def calibrate(
     return replace(methods.calibrate(rig, method, options), provenance=provenance)
 
 
+def _board(board: Board) -> dict[str, Any]:
+    """A board as ``[board]`` has it."""
+    if isinstance(board, PlanarBoard):
+        return asdict(board)
+    return {"kind": "solid", "points_mm": board.points.tolist(), "faces": board.face_points}
+
+
+def with_camera(rig: Rig, path: str | Path) -> Rig:
+    """The rig with a camera that is known already.
+
+    Parameters
+    ----------
+    rig : Rig
+    path : str or Path
+        A ``calibration.json``, whose covariance is kept, or a file of another tool
+        (`sheetoflight.io.exchange`), whose camera is taken to be exact.
+
+    Raises
+    ------
+    FileError, InputError
+        If the file cannot be read, holds no camera, or one of another picture size.
+    """
+    if is_calibration(path):
+        known = read_calibration(path)
+        return replace(rig, camera=known.camera, camera_covariance=known.covariance)
+    return replace(rig, camera=read_exchange(path, image_size=rig.image_size).camera)
+
+
 def _provenance(rig: Rig, method: str, options: CalibrationOptions) -> dict[str, Any]:
     """What anybody needs to get the same numbers again; the same for the same input."""
     return {
@@ -119,7 +149,9 @@ def _provenance(rig: Rig, method: str, options: CalibrationOptions) -> dict[str,
         "rig": Path(rig.source).parent.name if rig.source else "",
         "lens_model": rig.distortion,
         "skew": rig.skew,
-        "views": {stage: len(views) for stage, views in rig.observations.stages().items()},
+        "views": rig.observations.counts(),
+        "board": None if rig.board is None else _board(rig.board),
+        "known_camera": rig.camera is not None,
         "stated_pixel_std": rig.pixel_std,
         "stated_placement_std_mm": rig.placement_std,
         "options": asdict(options.paper) if method == "paper" else {},

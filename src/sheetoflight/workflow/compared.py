@@ -132,8 +132,7 @@ def trial(task: tuple[Contest, int]) -> tuple[Attempt, ...]:
     noise = plan.stream(number, "ends").normal(scale=end_noise, size=plan.yardstick.uv.shape)
     bounds: dict[object, Array] = {}
     return tuple(
-        _attempt(plan, contestant, number, noise, bounds)
-        for contestant in plan.options.contestants
+        _attempt(plan, contestant, number, noise, bounds) for contestant in plan.options.contestants
     )
 
 
@@ -144,11 +143,11 @@ def _attempt(
     seen, exact = simulated_rigs(plan, contestant, number)
     views = (contestant.stages, contestant.board, contestant.method == CAMERA_FREE)
     try:
-        if views not in bounds:
-            bounds[views] = _bound(plan, contestant, exact)
         started = time.perf_counter()
         calibration = _calibrated(seen, contestant.method)
         seconds = time.perf_counter() - started
+        if views not in bounds:
+            bounds[views] = _bound(plan, contestant, exact)
         angle, distance = plane_errors(calibration, plan.yardstick)
         return Attempt(
             contestant.name,
@@ -216,9 +215,7 @@ def _joined(stages: list[tuple[str, Observations]]) -> Observations:
     return Observations(**{stage: getattr(own, stage) for stage, own in stages})
 
 
-def _boards(
-    plan: Contest, board: Board, count: int, number: int
-) -> tuple[BoardViews, BoardViews]:
+def _boards(plan: Contest, board: Board, count: int, number: int) -> tuple[BoardViews, BoardViews]:
     """Views of a board with the line across it, with noise and without."""
     rng, options = plan.stream(number, "board"), plan.options
     truth = replace(plan.truth, board=board)

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import logging
 import math
+import socket
 import sys
 import warnings
 from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import CancelledError
 from contextlib import contextmanager
 from importlib.metadata import version
 from threading import Lock
@@ -30,8 +33,12 @@ _CHUNKS_PER_THREAD = 4
 """A worker that is lost takes no more than such a part of the work with it."""
 
 _LARGEST_CHUNK = 8
+_SCHEMES = ("", "tcp", "tls")
 _SAME = ("sheetoflight", "numpy", "scipy")
 """Packages of which another version could mean other numbers."""
+
+_UNREADABLE = "Error during deserialization"
+"""How dask begins its complaint of functions that the scheduler does not have."""
 
 _ONE_AT_A_TIME = Lock()
 """Workers may have several threads; what they are given was made for a process of its own."""
@@ -68,7 +75,7 @@ def spread_on_cluster(
     """
     run.progress(what, 0, len(items))
     done = 0
-    with _connected(address) as client:
+    with _connected(address) as client, _dask_silent():
         for part in _parts(client, function, items, what):
             for result in part:
                 done += 1
@@ -86,22 +93,53 @@ def _connected(address: str) -> Iterator[Client]:
             "a scheduler is given, but dask is not installed",
             "pip install sheetoflight[cluster]",
         ) from error
+    _require_listener(address)
     try:
         with warnings.catch_warnings():
             # versions are looked at below, in words that say what to do
             warnings.simplefilter("ignore")
             client = Client(address, timeout=_CONNECTING_S, set_as_default=False)
-    except (OSError, ValueError, TypeError) as error:  # a timeout is an OSError
-        raise InputError(
-            f"no dask scheduler answers at {address}",
-            "start one with: dask scheduler, and give the address that it prints, as "
-            "tcp://127.0.0.1:8786",
-        ) from error
+    except (OSError, ValueError):  # a timeout is an OSError
+        raise _no_scheduler(address) from None
     try:
         _require_workers(client, address)
         yield client
     finally:
         client.close(timeout=_CONNECTING_S)
+
+
+@contextmanager
+def _dask_silent() -> Iterator[None]:
+    """What goes wrong is told once, in our own words, not by dask's log as well."""
+    names = [name for name in logging.root.manager.loggerDict if name.startswith("distributed")]
+    logs = {log: log.level for log in map(logging.getLogger, names)}
+    for log in logs:
+        log.setLevel(logging.CRITICAL + 1)
+    try:
+        yield
+    finally:
+        for log, level in logs.items():
+            log.setLevel(level)
+
+
+def _require_listener(address: str) -> None:
+    """Knock first: a client that finds nobody leaves threads behind."""
+    scheme, _, place = address.rpartition("://")
+    host, _, port = place.rpartition(":")
+    if scheme not in _SCHEMES or not host or not port.isdecimal():
+        raise _no_scheduler(address)
+    try:
+        socket.create_connection((host.strip("[]"), int(port)), _CONNECTING_S).close()
+    except (OSError, OverflowError, UnicodeError) as error:
+        raise _no_scheduler(address) from error
+
+
+def _no_scheduler(address: str) -> InputError:
+    return InputError(
+        f"no dask scheduler answers at '{address}'",
+        "start one with: dask scheduler, and give the address that it prints, as "
+        "tcp://127.0.0.1:8786",
+    )
 
 
 def _require_workers(client: Client, address: str) -> None:
@@ -161,8 +199,15 @@ def _result(client: Client, future: Future, what: str) -> Any:
                 f"{what}: several workers were lost over the same part of the work",
                 "give them more memory; then try again",
             ) from error
-        except (OSError, RuntimeError) as error:
+        except CancelledError as error:  # what dask makes of all work when the scheduler is gone
             raise _lost(what) from error
+        except (ImportError, RuntimeError) as error:
+            if isinstance(error, RuntimeError) and _UNREADABLE not in str(error):
+                raise
+            raise InputError(
+                f"{what}: the cluster cannot read what it is given",
+                "install sheetoflight in the same version for the scheduler and for every worker",
+            ) from error
 
 
 def _lost(what: str) -> InputError:
