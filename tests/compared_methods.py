@@ -2,12 +2,8 @@
 
 from __future__ import annotations
 
-from sheetoflight.measurement.method_comparison import (
-    ComparisonOptions,
-    LengthScore,
-    MethodComparison,
-    MethodScore,
-)
+from sheetoflight.measurement.comparison_options import ComparisonOptions
+from sheetoflight.measurement.method_comparison import LengthScore, MethodComparison, MethodScore
 
 OPTIONS = ComparisonOptions(
     methods=("rod-paper", "camera-free", "board-two-step"), lengths_mm=(20.0, 450.0), trials=10

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from scipy.stats import chi2
 
+from sheetoflight.calibration.components import COMPONENTS, PLACEMENT
 from sheetoflight.calibration.noise import chi2_limit, noise_model
 from sheetoflight.model.observations import Observations, TargetViews
 from sheetoflight.model.rig import Rig
@@ -21,14 +22,18 @@ def seen(std: np.ndarray | None = None, pixel_std: float | None = None) -> Rig:
     return Rig(CollinearTarget(), (9, 9), pixel_std=pixel_std, observations=Observations(views))
 
 
+def estimated(rig: Rig) -> set[str]:
+    return {name for name, free in zip(COMPONENTS, noise_model(rig).free, strict=True) if free}
+
+
 def test_what_is_not_stated_is_estimated() -> None:
-    assert noise_model(seen()).free.tolist() == [True, False, False]
-    assert noise_model(seen(pixel_std=0.2)).free.tolist() == [False, False, False]
+    assert estimated(seen()) == {"pixel"}
+    assert estimated(seen(pixel_std=0.2)) == set()
     lying = replace(seen(), observations=Observations(plane=TargetViews(("a", "b"), UV)))
-    assert noise_model(lying).free.tolist() == [True, True, True]
-    placed = noise_model(replace(lying, placement_std=0.3))
-    assert placed.free.tolist() == [True, False, False]
-    assert placed.variances[1] == pytest.approx(0.09)
+    assert estimated(lying) == {"pixel", "placement", "marker"}
+    placed = replace(lying, placement_std=0.3)
+    assert estimated(placed) == {"pixel"}
+    assert noise_model(placed).variances[PLACEMENT] == pytest.approx(0.09)
 
 
 def test_the_points_own_std_give_the_proportions_of_the_noise() -> None:

@@ -15,6 +15,7 @@ from sheetoflight.calibration.methods import METHODS, CalibrationOptions, calibr
 from sheetoflight.calibration.noise import NoiseModel, noise_model
 from sheetoflight.calibration.outcome import Outcome
 from sheetoflight.calibration.rig_state import RigState
+from sheetoflight.calibration.screening import Screened
 from sheetoflight.estimation.block_least_squares import solve
 from sheetoflight.geometry.directions import Array
 from sheetoflight.measurement.length import IMAGE_POINTS, Length, lengths
@@ -55,7 +56,7 @@ def example(
 
 def outcome(rig: Rig, method: str = "joint") -> tuple[Outcome, NoiseModel]:
     noise = noise_model(rig)
-    return METHODS[method](rig, noise, CalibrationOptions(), None), noise
+    return METHODS[method](Screened(rig, None), noise, CalibrationOptions()), noise
 
 
 def dense_covariance(fit: Fit) -> Array:

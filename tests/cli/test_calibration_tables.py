@@ -10,6 +10,13 @@ import pytest
 
 from sheetoflight.cli.calibrate import calibration_summary, tell_calibration
 from sheetoflight.model.diagnosis import Finding
+from tests.report.board_examples import (
+    CAMERA_SOURCES,
+    COMPONENTS,
+    SOURCES,
+    board_calibration,
+    camera_calibration,
+)
 from tests.report.examples import (
     NO_COVARIANCE,
     SHARES,
@@ -74,3 +81,38 @@ def test_programs_get_the_findings(tmp_path: Path) -> None:
 def test_a_calibration_without_covariance_is_printed(capsys: Told) -> None:
     tell_calibration(example_calibration(covariance=NO_COVARIANCE))
     assert "by source" not in capsys.readouterr().out
+
+
+def test_boards_are_told_by_the_names_of_the_file(capsys: Told) -> None:
+    tell_calibration(board_calibration())
+    said = capsys.readouterr().out
+    printed = tables(said)
+    headings, *_ = printed["Standard uncertainty by source"]
+    assert headings[1:] == list(SOURCES)
+    noise = {row[0]: row[1:] for row in printed["Noise"][1:]}
+    assert list(noise) == [*COMPONENTS, "shape"]
+    assert [cells[2] for cells in noise.values()] == ["px", "px", "mm", "px"]
+    for name, (size, _) in COMPONENTS.items():
+        assert float(noise[name][0]) == pytest.approx(size, rel=0.05)
+        assert "estimated" in noise[name][3]
+    assert "6 in stage board" in said
+
+
+def test_a_camera_alone_is_printed(capsys: Told) -> None:
+    tell_calibration(camera_calibration())
+    printed = tables(capsys.readouterr().out)
+    estimates = printed["Calibration by method joint"]
+    assert [row[0] for row in estimates[1:]] == [
+        f"camera.{name}" for name in ("alpha", "beta", "u0", "v0")
+    ]
+    assert printed["Standard uncertainty by source"][0][1:] == list(CAMERA_SOURCES)
+    assert [row[0] for row in printed["Noise"][1:]] == ["corner"]
+
+
+def test_programs_are_told_that_there_is_no_sheet() -> None:
+    summary = calibration_summary(camera_calibration())
+    assert json.loads(json.dumps(summary, allow_nan=False)) == summary
+    assert summary["light_plane"] is None
+    assert summary["light_planes"] == []
+    assert set(summary["noise_std"]) == {"corner"}
+    assert set(summary["std_by_source"]["camera.alpha"]) == set(CAMERA_SOURCES)

@@ -148,7 +148,7 @@ def test_every_stage_may_stand_alone(tmp_path: Path, two_lasers: Observations):
             "line 3: view 'b' of stage crossing has no spot – add a row with marker laser",
         ),
         ("a,plane,laser,1,2,left\n", "line 2: a point of marker laser stands in stage plane"),
-        ("a,board,laser,1,2,left\n", "line 2: points of stage board are not adjusted by this"),
+        ("a,board,laser,1,2,\n", "line 2: the rig has 2 lasers, and the row names none"),
     ],
     ids=lambda value: value[:30],
 )
@@ -254,8 +254,8 @@ def test_what_programs_make_of_a_table_is_read(tmp_path: Path, content: str):
         (HEADER + f"a,camera,{'9' * 5000},1,2\n", "line 2: marker is '9{59}"),
         (HEADER + "a,camera,laser,1,2\n", "line 2: a point of marker laser stands in stage camera"),
         (HEADER + "a,crossing,0,1,2\n", "line 2: view 'a' of stage crossing has no spot"),
-        (HEADER + "a,board,laser,1,2\n", "line 2: points of stage board are not adjusted by this"),
-        (HEADER + "a,Camera,0,1,2\n", "line 2: unknown stage 'Camera' – use camera, plane or"),
+        (HEADER + "a,board,laser,1,2\n", "line 2: a point of stage board, but rig.toml has no"),
+        (HEADER + "a,Camera,0,1,2\n", "line 2: unknown stage 'Camera' – use camera, plane, cros"),
         (
             HEADER + "a,camera,0,1,2\nb,camera,0,1,2\na,camera,0,3,4\n",
             "line 4: marker 0 of view 'a' in stage camera is given twice",

@@ -11,12 +11,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from sheetoflight.errors import InputError, UntrustworthyError
+from sheetoflight.measurement.comparison_options import ComparisonOptions
 from sheetoflight.measurement.contestants import CONTESTANTS, PAPER_CASE, PRINTED_MM
-from sheetoflight.measurement.method_comparison import (
-    ComparisonOptions,
-    MethodScore,
-    compared,
-)
+from sheetoflight.measurement.method_comparison import MethodScore, compared
 from sheetoflight.measurement.method_trial import (
     Attempt,
     LengthErrors,

@@ -17,7 +17,7 @@ from sheetoflight.report.budget import (
     parameter_budgets,
     sources_of,
 )
-from sheetoflight.report.figures import budget_bars
+from sheetoflight.report.budget_figure import budget_bars
 from tests.report.examples import (
     SHARES,
     calibration_of_two_lasers,

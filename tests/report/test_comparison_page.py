@@ -8,7 +8,7 @@ from html import unescape
 
 import pytest
 
-from sheetoflight.measurement.method_comparison import ComparisonOptions
+from sheetoflight.measurement.comparison_options import ComparisonOptions
 from sheetoflight.report.comparison_page import build_comparison_page
 from tests.compared_methods import comparison
 

@@ -279,8 +279,10 @@ def test_crossing_views_stand_in_the_table_of_residuals(page_of_two: Page):
         "crossing, spots of left": 4,
         "crossing, spots of right": 4,
     }
-    for _, rms in rows.values():
+    assert [int(cells[1]) for cells in rows.values()] == [24, 4, 4]
+    for _, _, rms, largest in rows.values():
         assert 0.03 < float(rms) < 0.2
+        assert float(rms) < float(largest) < 0.6
 
 
 def test_no_number_of_the_page_is_missing(page_of_two: Page):

@@ -7,9 +7,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from sheetoflight.measurement.comparison_options import ComparisonOptions
 from sheetoflight.measurement.contestants import CONTESTANTS
 from sheetoflight.measurement.cramer_rao import bounding_calibration
-from sheetoflight.measurement.method_comparison import ComparisonOptions, MethodComparison
+from sheetoflight.measurement.method_comparison import MethodComparison
 from sheetoflight.measurement.method_trial import bound_mm
 from sheetoflight.workflow.compared import compare, contest, simulated_rigs
 from sheetoflight.workflow.spread import Execution

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import os
 import signal
+import socket
 import subprocess
 import sys
 import time
@@ -15,7 +16,8 @@ from pathlib import Path
 import pytest
 
 from sheetoflight.errors import InputError
-from sheetoflight.measurement.method_comparison import ComparisonOptions, MethodComparison
+from sheetoflight.measurement.comparison_options import ComparisonOptions
+from sheetoflight.measurement.method_comparison import MethodComparison
 from sheetoflight.workflow.compared import compare
 from sheetoflight.workflow.scheduled import spread_on_cluster
 from sheetoflight.workflow.spread import Execution
@@ -103,6 +105,14 @@ def test_a_scheduler_that_does_not_answer_is_named(monkeypatch: pytest.MonkeyPat
     monkeypatch.setattr("sheetoflight.workflow.scheduled._CONNECTING_S", 1.0)
     with pytest.raises(InputError, match=r"no dask scheduler answers at 'tcp://127\.0\.0\.1:1' –"):
         list(spread_on_cluster("tcp://127.0.0.1:1", abs, [1, 2], "test"))
+
+
+def test_another_program_at_the_address_is_no_scheduler(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("sheetoflight.workflow.scheduled._CONNECTING_S", 1.0)
+    with socket.create_server(("127.0.0.1", 0)) as mute:
+        address = f"tcp://127.0.0.1:{mute.getsockname()[1]}"
+        with pytest.raises(InputError, match="no dask scheduler answers"):
+            list(spread_on_cluster(address, abs, [1, 2], "test"))
 
 
 @pytest.mark.parametrize(

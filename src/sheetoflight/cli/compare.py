@@ -23,12 +23,9 @@ from sheetoflight.cli.telling import (
 )
 from sheetoflight.errors import InputError
 from sheetoflight.io.comparison_table import comparison_document, write_comparison
+from sheetoflight.measurement.comparison_options import ComparisonOptions
 from sheetoflight.measurement.contestants import PRINTED_MM
-from sheetoflight.measurement.method_comparison import (
-    ComparisonOptions,
-    MethodComparison,
-    MethodScore,
-)
+from sheetoflight.measurement.method_comparison import MethodComparison, MethodScore
 from sheetoflight.workflow.compared import compare as compared
 from sheetoflight.workflow.compared import write_comparison_page
 
@@ -160,7 +157,7 @@ def _tell_methods(found: MethodComparison) -> None:
         f"{options.pictures} pictures each, noise {options.pixel_std:g} px, "
         f"{options.trials} trials",
         ("method", "pictures"),
-        ("normal", "sheet", "of the bound", "95 % holds", "time", "refused"),
+        ("normal", "sheet", "of bound", "95 % holds", "time", "refused"),
     )
     for score in found.scores:
         views = " + ".join(str(count) for count in score.views.values())

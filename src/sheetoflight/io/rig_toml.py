@@ -85,13 +85,17 @@ class _Noise(StrictModel):
 
 class _RigDocument(StrictModel):
     target: _Target | None = None
-    board: Annotated[_PlanarBoard | _SolidTarget, Field(discriminator="kind")] | None = None
+    board: _PlanarBoard | None = None
     camera: _Camera = _Camera()
     laser: Annotated[list[_Laser], Field(min_length=1)] = Field(
         default_factory=lambda: [_Laser(name=name) for name in Rig.lasers]
     )
     noise: _Noise = _Noise()
     plan: PlanTable | None = None
+
+
+class _SolidRigDocument(_RigDocument):
+    board: _SolidTarget  # pyright: ignore[reportIncompatibleVariableOverride, reportGeneralTypeIssues]
 
 
 @dataclass(frozen=True)
@@ -197,7 +201,7 @@ def read_rig_toml(path: str | Path) -> RigFile:
     """
     document = _parsed(path)
     with naming(path):
-        content = validated(_RigDocument, document)
+        content = validated(_document_model(document), document)
         camera, noise = content.camera, content.noise
         if content.target is None and content.board is None:
             raise InputError(
@@ -244,6 +248,13 @@ def rig_toml_text(rig: Rig) -> str:
     if stated:
         lines += ["", "[noise]", *stated]
     return "\n".join(lines) + "\n"
+
+
+def _document_model(document: dict[str, Any]) -> type[_RigDocument]:
+    """What describes the file: a solid body has other keys than a board."""
+    board = document.get("board")
+    solid = isinstance(board, dict) and board.get("kind") == "solid"
+    return _SolidRigDocument if solid else _RigDocument
 
 
 def _target_lines(target: CollinearTarget) -> list[str]:

@@ -71,7 +71,7 @@ def image_points(calibration: Calibration) -> go.Figure:
             y=uv[:, 1],
             mode="lines+markers" if group.kind == "markers" else "markers",
             name=counted(group),
-            legendgroup=group.title,
+            legendgroup=label(group.title),
             text=names,
             line={"color": colour, "width": 0.8},
             marker={"color": colour, "size": _IMAGE_DOTS[group.kind], "symbol": symbol(group)},
@@ -90,7 +90,7 @@ def _add_outlines(figure: go.Figure, group: PointGroup) -> None:
         y=uv[:, 1],
         mode="lines",
         showlegend=False,
-        legendgroup=group.title,
+        legendgroup=label(group.title),
         line={"color": group_colour(group), "width": 1},
         opacity=_OUTLINE_OPACITY,
         hoverinfo="skip",
@@ -150,7 +150,7 @@ def residual_arrows(calibration: Calibration) -> go.Figure:
             y=shafts[:, 1],
             mode="lines",
             name=label(group.title),
-            legendgroup=group.title,
+            legendgroup=label(group.title),
             line={"color": colour, "width": _SHAFTS[group.kind]},
             hoverinfo="skip",
         )
@@ -159,7 +159,7 @@ def residual_arrows(calibration: Calibration) -> go.Figure:
             y=uv[:, 1],
             mode="markers",
             showlegend=False,
-            legendgroup=group.title,
+            legendgroup=label(group.title),
             marker={"color": colour, "size": _RESIDUAL_DOTS[group.kind], "symbol": symbol(group)},
             customdata=residuals[seen],
             hovertemplate="du %{customdata[0]:.3g}, dv %{customdata[1]:.3g} px<extra></extra>",
@@ -201,6 +201,7 @@ def residual_scatter(calibration: Calibration) -> go.Figure:
         radius = multiple * calibration.pixel_std
         figure.add_shape(
             type="circle",
+            layer="above",
             x0=-radius,
             y0=-radius,
             x1=radius,

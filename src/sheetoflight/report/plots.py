@@ -11,7 +11,7 @@ import plotly.io
 from markupsafe import Markup
 
 from sheetoflight.model.calibration import Calibration
-from sheetoflight.report import figures, space
+from sheetoflight.report import figures, mean_residuals, space
 from sheetoflight.report.budget import Budget
 from sheetoflight.report.budget_figure import budget_bars
 from sheetoflight.report.point_groups import point_groups
@@ -23,6 +23,9 @@ _DRAWN = {
 }
 """Words for the kinds of `point_groups`."""
 _PLACED = " In stage plane the target's distance from the sheet adds to the noise."
+_MANY, _MOST_ARROWS = 400, 2500
+"""From how many points on their means are drawn, and up to how many every one of them is."""
+
 _MOST_BARS = 40
 _BAR_REM, _AROUND_BARS_REM = 2.4, 8.0
 
@@ -124,14 +127,7 @@ def residual_plots(calibration: Calibration) -> list[Plot]:
             "Residuals, view by view",
             "A view that stands out has a wrong marker, a bent or moved target, or blur." + placed,
         ),
-        plot(
-            figures.residual_arrows(calibration),
-            "figure-residual-arrows",
-            "Residuals over the picture",
-            "Observed minus predicted, drawn from each point's dot. Where neighbours agree, the "
-            "lens model is too simple.",
-            "tall",
-        ),
+        *_over_the_picture(calibration),
         plot(
             figures.residual_scatter(calibration),
             "figure-residual-scatter",
@@ -141,3 +137,28 @@ def residual_plots(calibration: Calibration) -> list[Plot]:
             "tall",
         ),
     ]
+
+
+def _over_the_picture(calibration: Calibration) -> list[Plot]:
+    """Every residual where they are few enough to be told apart, means where they are many."""
+    groups = point_groups(calibration)
+    arrows = plot(
+        figures.residual_arrows(calibration),
+        "figure-residual-arrows",
+        "Residuals over the picture",
+        "Observed minus predicted, drawn from each point's dot. Where neighbours agree, the "
+        "lens model is too simple.",
+        "tall",
+    )
+    if sum(group.seen for group in groups if group.kind == "board") < _MANY:
+        return [arrows]
+    means = plot(
+        mean_residuals.residual_means(calibration),
+        "figure-residual-means",
+        "Mean residuals over the picture",
+        "Of the boards' points, square by square. Noise alone would leave 19 of 20 arrows within "
+        "their circles; where neighbours leave them the same way, the lens model is too simple, "
+        "or the board is not flat.",
+        "tall",
+    )
+    return [arrows, means] if sum(group.seen for group in groups) <= _MOST_ARROWS else [means]

@@ -29,6 +29,7 @@ _FRUSTUM_SHARE = 0.2
 _THINNEST_BOX = 0.25
 _MOST_POINTS = 1500
 _FAINT, _CLEAR = 0.3, 1.0
+_FEW_BOARDS = 20
 _GRID = 9
 _EYE = np.array([-0.64, -0.43, -0.64])
 _DISTANCE = 1.35
@@ -105,9 +106,9 @@ def _add_boards(figure: go.Figure, group: PointGroup) -> None:
         **_coordinates(lines),
         mode="lines",
         name=counted(group),
-        legendgroup=group.title,
+        legendgroup=label(group.title),
         text=names,
-        line={"color": colour, "width": 3},
+        line={"color": colour, "width": 3 if len(group) <= _FEW_BOARDS else 1},
         hovertemplate="%{text}<extra></extra>",
     )
     points, names = joined(group.xyz, group.views)
@@ -115,7 +116,7 @@ def _add_boards(figure: go.Figure, group: PointGroup) -> None:
         **_coordinates(points),
         mode="markers",
         showlegend=False,
-        legendgroup=group.title,
+        legendgroup=label(group.title),
         text=names,
         opacity=_FAINT,
         marker={"color": colour, "size": 1.5},

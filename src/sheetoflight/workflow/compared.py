@@ -14,13 +14,10 @@ from sheetoflight.calibration.methods import CAMERA_FREE, calibrate
 from sheetoflight.errors import InputError, UntrustworthyError
 from sheetoflight.geometry.directions import Array
 from sheetoflight.io.atomic import write_whole
+from sheetoflight.measurement.comparison_options import ComparisonOptions
 from sheetoflight.measurement.contestants import Contestant
 from sheetoflight.measurement.cramer_rao import bounding_calibration
-from sheetoflight.measurement.method_comparison import (
-    ComparisonOptions,
-    MethodComparison,
-    compared,
-)
+from sheetoflight.measurement.method_comparison import MethodComparison, compared
 from sheetoflight.measurement.method_trial import (
     Attempt,
     Yardstick,
@@ -204,8 +201,8 @@ def _rods(
 ) -> tuple[tuple[str, Observations], tuple[str, Observations]]:
     """One stage's views of the rod, with noise and without."""
     rng = plan.stream(number, stage)
-    counts = [count if stage == one else 0 for one in ("camera", "plane", "crossing")]
-    placed = placed_targets(plan.truth, Recording(*counts), rng)
+    camera, plane, crossing = (count * (stage == one) for one in ("camera", "plane", "crossing"))
+    placed = placed_targets(plan.truth, Recording(camera, plane, crossing), rng)
     noisy = photographed(plan.truth.camera, placed, plan.options.pixel_std, rng)
     return (stage, noisy), (stage, photographed(plan.truth.camera, placed, 0.0, rng))
 

@@ -2,17 +2,18 @@
 
 from __future__ import annotations
 
+import asyncio
 import logging
 import math
 import socket
 import sys
 import warnings
 from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import CancelledError
+from concurrent.futures import CancelledError, ThreadPoolExecutor
 from contextlib import contextmanager
 from importlib.metadata import version
 from threading import Lock
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar, cast
 
 from sheetoflight.errors import InputError
 from sheetoflight.workflow.spread import ALONE, Execution
@@ -93,7 +94,8 @@ def _connected(address: str) -> Iterator[Client]:
             "a scheduler is given, but dask is not installed",
             "pip install sheetoflight[cluster]",
         ) from error
-    _require_listener(address)
+    with _dask_silent():
+        _require_listener(address)
     try:
         with warnings.catch_warnings():
             # versions are looked at below, in words that say what to do
@@ -130,8 +132,18 @@ def _require_listener(address: str) -> None:
         raise _no_scheduler(address)
     try:
         socket.create_connection((host.strip("[]"), int(port)), _CONNECTING_S).close()
+        with ThreadPoolExecutor(1) as beside:  # a notebook has a loop running in this thread
+            beside.submit(asyncio.run, _shaken_hands(address)).result()
     except (OSError, OverflowError, UnicodeError) as error:
         raise _no_scheduler(address) from error
+
+
+async def _shaken_hands(address: str) -> None:
+    """Find out whether dask is there: its client would wait for ever for another's answer."""
+    from distributed.comm.core import connect
+
+    comm = await asyncio.wait_for(connect(address, timeout=_CONNECTING_S), _CONNECTING_S)
+    await comm.close()
 
 
 def _no_scheduler(address: str) -> InputError:
@@ -150,12 +162,8 @@ def _require_workers(client: Client, address: str) -> None:
             f"the scheduler at {address} has no workers",
             f"start some, on any computer that reaches it: dask worker {address}",
         ) from error
-    theirs = {
-        str(worker["packages"][name])
-        for worker in client.get_versions()["workers"].values()
-        if worker
-        for name in ("distributed",)
-    }
+    workers = cast("dict[str, Any]", client.get_versions())["workers"].values()
+    theirs = {str(worker["packages"]["distributed"]) for worker in workers if worker}
     own = version("distributed")
     if theirs - {own}:
         raise InputError(
@@ -167,7 +175,7 @@ def _require_workers(client: Client, address: str) -> None:
 def _parts(
     client: Client, function: Callable[[Item], Result], items: Sequence[Item], what: str
 ) -> Iterator[list[Result]]:
-    threads = sum(client.nthreads().values())
+    threads = sum(cast("dict[str, int]", client.nthreads()).values())
     size = min(max(math.ceil(len(items) / (_CHUNKS_PER_THREAD * threads)), 1), _LARGEST_CHUNK)
     chunks = [list(items[first : first + size]) for first in range(0, len(items), size)]
     futures = [
