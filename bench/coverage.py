@@ -30,6 +30,7 @@ from scipy.stats import chi2, norm
 from scipy.stats import t as student
 
 import sheetoflight as sol
+from sheetoflight.calibration.components import MARKER, PIXEL, PLACEMENT
 from sheetoflight.calibration.joint_method import joint
 from sheetoflight.calibration.noise import NoiseModel, noise_model
 from sheetoflight.calibration.result import calibration_of
@@ -211,11 +212,9 @@ def _bounding(case: Case, rig: Rig) -> Calibration:
         else (0.0, recording.placement_mm)
     )
     known = noise_model(rig)
-    true = NoiseModel(
-        known.proportions,
-        np.array([recording.pixel_std**2, rod**2, single**2]),
-        np.zeros(3, dtype=bool),
-    )
+    variances = known.variances.copy()
+    variances[[PIXEL, PLACEMENT, MARKER]] = recording.pixel_std**2, rod**2, single**2
+    true = NoiseModel(known.proportions, variances, np.zeros_like(known.free))
     return calibration_of("joint", rig, joint(rig, true), 1.0, ())
 
 

@@ -15,6 +15,7 @@ from sheetoflight.calibration.methods import calibrate
 from sheetoflight.calibration.noise import NoiseModel, noise_model
 from sheetoflight.calibration.rig_state import RigState
 from sheetoflight.geometry.directions import tangent_basis
+from sheetoflight.model.board import PlanarBoard
 from sheetoflight.model.calibration import Calibration
 from sheetoflight.model.rig import Rig
 from sheetoflight.simulation.board_faults import lines_beyond, shifted_lines
@@ -211,7 +212,7 @@ def test_what_lies_beside_the_board_is_left_out() -> None:
     rng = np.random.default_rng(10)
     truth = board_rig(None, (-0.1, 0.05, 0.0, 0.0, 0.0))
     board = truth.board
-    assert board is not None
+    assert isinstance(board, PlanarBoard)
     poses = board_poses(truth, board, 12, rng)
     placed = lines_beyond(truth, board, placed_boards(truth, board, *poses, 400))
     views = photographed_boards(truth.camera, placed, rng, 0.1, 0.1)

@@ -349,7 +349,7 @@ def _second_plane(document: dict[str, Any]) -> None:
             _set("camera", "distortion", to=[0.1]),
             "camera.distortion is a list of 1, expected 5 ent",
         ),
-        (_set("light_planes", to=[]), "'light_planes' is missing or empty"),
+        (_set("light_planes", to=None), "'light_planes' is missing"),
         (
             _set("light_planes", 0, "normal", to=[0.6, 0.8, 0.1]),
             r"light_planes\[0\].normal has leng",

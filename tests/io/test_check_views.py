@@ -22,7 +22,7 @@ def views(*points: list[tuple[float, float]]) -> TargetViews:
 
 
 def check(**stages: TargetViews) -> None:
-    check_views(replace(RIG, observations=Observations(**stages)))
+    check_views(replace(RIG, observations=replace(Observations(), **stages)))
 
 
 def changed(seen: TargetViews, view: int, point: int, to: tuple[float, float]) -> TargetViews:

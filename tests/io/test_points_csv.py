@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -45,7 +46,8 @@ def observed(draw: st.DrawFn) -> tuple[Observations, tuple[str, ...]]:
     """Views of all stages of a rig with one to three lasers, called anything."""
     lasers = tuple(draw(st.lists(NAMES, unique=True, min_size=1, max_size=3)))
     stages = (target_views(), target_views(sheets=len(lasers)), target_views(spots=len(lasers)))
-    return Observations(*map(draw, stages)), lasers
+    camera, plane, crossing = map(draw, stages)
+    return Observations(camera, plane, crossing), lasers
 
 
 def known_std(views: TargetViews) -> np.ndarray:
@@ -122,7 +124,7 @@ def test_one_laser_need_not_be_named(tmp_path: Path, content: str, lasers: tuple
 
 def test_every_stage_may_stand_alone(tmp_path: Path, two_lasers: Observations):
     for stage, views in two_lasers.stages().items():
-        write_points(tmp_path / "points.csv", Observations(**{stage: views}), LASERS)
+        write_points(tmp_path / "points.csv", replace(Observations(), **{stage: views}), LASERS)
         back = read_points(tmp_path / "points.csv", TARGET, LASERS)
         assert list(back.stages()) == [stage]
 

@@ -112,7 +112,7 @@ class Adjustment:
     def residuals_px(self, state: RigState) -> dict[str, Array]:
         """Observed minus predicted image points ``(N, M, 2)`` by stage, of the boards their
         points; NaN where not seen."""
-        residuals = {
+        residuals: dict[str, Array] = {
             stage: views.uv - state.camera.project(self.placed(state, stage).points)
             for stage, views in self.stages.items()
         }

@@ -18,6 +18,10 @@ from sheetoflight.model.board_views import proportions
 from sheetoflight.model.rig import Rig
 
 
+_LEAST_PX2 = 1e-12
+"""Exact points are known to a millionth of a pixel."""
+
+
 def board_variances(rig: Rig, state: RigState) -> Array:
     """First variances ``(6,)`` of the noise components; NaN for those that boards do not show.
 
@@ -42,7 +46,7 @@ def _points_variance(rig: Rig, state: RigState) -> float:
     errors = (views.uv - state.camera.project(points)) / proportions(views.stds)[0][..., None]
     observed = 2 * int(views.seen.sum())
     freedom = observed - LOCAL_SIZE["board"] * len(views) - len(rig.free_intrinsics)
-    return max(float(np.nansum(errors**2)) / max(freedom, 1), np.finfo(float).tiny)
+    return max(float(np.nansum(errors**2)) / max(freedom, 1), _LEAST_PX2)
 
 
 def _scatter_about_lines(rig: Rig, state: RigState) -> tuple[float, float]:
@@ -57,7 +61,7 @@ def _scatter_about_lines(rig: Rig, state: RigState) -> tuple[float, float]:
     windings = np.linalg.solve(normal, turned @ misses / size) / size
     rest = misses - design @ windings
     freedom = np.maximum(reduced.counts - design.shape[2], 1).sum()
-    scatter = max(float(np.sum(rest**2) / freedom), np.finfo(float).tiny)
+    scatter = max(float(np.sum(rest**2) / freedom), _LEAST_PX2)
     return scatter, float(np.mean(windings[:, -len(SHAPES) :] ** 2))
 
 

@@ -36,6 +36,9 @@ not so much in one view alone."""
 _PRINTED = 0.2
 """Share of the views in which a point must be off before it is thought to be misprinted."""
 
+_PLENTY = 50
+"""Points of a line on the pattern that make those beside it superfluous."""
+
 _SHOWN = 5
 """Names that are listed one by one."""
 
@@ -203,7 +206,9 @@ def _in_the_sheets(rig: Rig, state: RigState) -> tuple[Rig, tuple[str, ...]]:
     kept = np.zeros(len(line), dtype=bool)
     lost: list[str] = []
     for laser in np.unique(line.laser):
-        groups = [own for own in line.groups() if line.laser[own[0]] == laser]
+        lines = [own for own in line.groups() if line.laser[own[0]] == laser]
+        # on its pattern the board is sure to be, beside it only the others can tell
+        groups = [own[printed[own]] if printed[own].sum() >= _PLENTY else own for own in lines]
         pieces = cut_into_pieces(
             [rays[own, :2] for own in groups], focal, [printed[own] for own in groups]
         )
@@ -218,7 +223,7 @@ def _in_the_sheets(rig: Rig, state: RigState) -> tuple[Rig, tuple[str, ...]]:
     left = line.take(kept)
     if len(left):
         reduced_lines(left, state.camera, rays[kept])
-    words = (_lost_lines(lost, kept.any()),) if lost else ()
+    words = (_lost_lines(lost, bool(kept.any())),) if lost else ()
     return with_board_views(rig, replace(views, line=left)), words
 
 

@@ -28,6 +28,9 @@ _TOLERANCE_PX = 2.0
 _SHORT = 10
 """Fewest points of a piece."""
 
+_SHARE = 0.15
+"""The same as a part of its line: splinters agree with anything."""
+
 _DRAWS = 60
 _PAIRS = 1500
 _AGREED_PX = 6.0
@@ -43,8 +46,8 @@ _LINED_SHARE = 0.15
 _EDGE_ON = 0.01
 """Distance of a sheet from the camera, as a part of the boards', that is as good as none."""
 
-_LINE_FACTOR = 5.0
-"""How many times farther off than the median piece a piece may lie."""
+_LINE_FACTOR = 3.0
+"""How many times farther off than the median piece a piece may lie: one in 500 does by chance."""
 
 _LEAST_PX = 0.5
 """Distance of a piece from its line that is no reason to leave it out."""
@@ -159,7 +162,8 @@ def _straight_pieces(xy: Array, focal: float, preferred: np.ndarray, rng_seed: i
         pieces.append(_piece(left[own], xy, preferred))
         near = np.abs(_off(points, points[own])) <= _TOLERANCE_PX
         left = left[~(own | near)]
-    return sorted(pieces, key=lambda piece: -piece.weight)
+    long = [piece for piece in pieces if len(piece.points) >= _SHARE * len(xy)]
+    return sorted(long, key=lambda piece: -piece.weight)
 
 
 def agreeing(points: Array) -> np.ndarray:

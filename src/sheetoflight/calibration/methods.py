@@ -11,6 +11,11 @@ from sheetoflight.calibration.board_screening import screened_boards
 from sheetoflight.calibration.components import CORNER, PIXEL
 from sheetoflight.calibration.fitting import Fit
 from sheetoflight.calibration.joint_method import joint
+from sheetoflight.calibration.match_methods import (
+    MATCH_METHODS,
+    camera_from_matches,
+    refuse_matches_alone,
+)
 from sheetoflight.calibration.noise import NoiseModel, chi2_limit, noise_model
 from sheetoflight.calibration.outcome import Outcome
 from sheetoflight.calibration.paper_method import paper
@@ -20,6 +25,7 @@ from sheetoflight.calibration.screening import Screened, screened
 from sheetoflight.calibration.two_step_method import two_step
 from sheetoflight.calibration.usable_views import refuse_unusable_views
 from sheetoflight.errors import InputError
+from sheetoflight.model.board_views import BoardViews
 from sheetoflight.model.calibration import Calibration
 from sheetoflight.model.rig import Rig
 
@@ -40,7 +46,7 @@ CAMERA_FREE = "camera-free"
 METHODS: Mapping[str, Method] = {
     "joint": lambda found, noise, _: joint(found.rig, noise, found.fit, found.start),
     "two-step": lambda found, noise, _: two_step(found.rig, noise, found.fit, found.start),
-    "paper": lambda found, noise, options: paper(found.rig, noise, options.paper),
+    "paper": lambda found, noise, options: paper(_rod_alone(found.rig), noise, options.paper),
 }
 
 
@@ -53,10 +59,11 @@ def calibrate(
     ----------
     rig : Rig
         Target, picture size, lens model and observations.
-    method : {"joint", "two-step", "paper"}
+    method : {"joint", "two-step", "paper", "rotating-camera", "moving-camera"}
         ``joint``: everything in one maximum-likelihood adjustment. ``two-step``: the camera
         first, then maximum likelihood on the sheet. ``paper``: the camera first, then each
         target position triangulated, RANSAC, and a genetic search for the plane.
+        ``rotating-camera`` and ``moving-camera``: the camera alone, from matched points.
         `calibration.camera_free_method.camera_free` needs no camera.
     options : CalibrationOptions, optional
 
@@ -67,13 +74,16 @@ def calibrate(
     UntrustworthyError
         If no trustworthy number can be had from these views.
     """
-    if method not in METHODS:
-        known = " | ".join((*METHODS, CAMERA_FREE))
+    if method not in METHODS and method not in MATCH_METHODS:
+        known = " | ".join((*METHODS, CAMERA_FREE, *MATCH_METHODS))
         raise InputError(f"method '{method}' is unknown", f"choose {known}")
     if not isinstance(rig, Rig):
         raise InputError(
             f"a rig was expected, found {rig!r}", 'load it first: sol.load_rig("rig/")'
         )
+    if method in MATCH_METHODS:
+        return camera_from_matches(rig, method)
+    refuse_matches_alone(rig, method)
     refuse_unusable_views(rig)
     options = options or CalibrationOptions()
     found = _screened(rig)
@@ -108,6 +118,12 @@ def _screened(rig: Rig) -> Screened:
         rig = replace(rig, lasers=())  # nothing tells of a sheet: the camera alone is calibrated
     found = screened(rig, boards.state)
     return replace(found, wrong=(*boards.wrong, *found.wrong), start=boards.state)
+
+
+def _rod_alone(rig: Rig) -> Rig:
+    """The rig without its boards, of which the paper knows nothing."""
+    seen = replace(rig.observations, board=BoardViews())
+    return replace(rig, board=None, observations=seen)
 
 
 def _warnings(found: Screened) -> tuple[str, ...]:

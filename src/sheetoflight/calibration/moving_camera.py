@@ -29,6 +29,7 @@ from sheetoflight.calibration.self_calibration import (
     pairs_of,
     picture_frame,
     tied,
+    track_weights,
     turns,
 )
 from sheetoflight.calibration.track_adjustment import TrackAdjustment, TrackState
@@ -65,6 +66,7 @@ def moving_camera(
     distortion: str = "none",
     pixels: Pixels | None = None,
     pixel_std: float | None = None,
+    std: Array | None = None,
 ) -> SelfCalibration:
     """Camera from pictures of an unknown, motionless scene, taken from several places.
 
@@ -72,7 +74,7 @@ def moving_camera(
     ----------
     uv : (V, T, 2) array
         Image points of T tracks in V >= 3 views, px; NaN where not seen. Matches must be right:
-        nothing here looks for wrong ones.
+        `match_screening` looks for wrong ones.
     image_size : (int, int)
         Width and height, px.
     distortion : str
@@ -83,6 +85,8 @@ def moving_camera(
         and for "centred" with its principal point in the picture's middle.
     pixel_std : float, optional
         Standard uncertainty of an image coordinate; from the residuals where absent.
+    std : (V, T) array, optional
+        How uncertain each image point is in proportion to the others, px; NaN where unknown.
 
     Returns
     -------
@@ -100,6 +104,7 @@ def moving_camera(
     models = _MODELS if pixels is None else (pixels,)
     ties = [free_parameters(model, distortion) for model in models]
     tracks = checked_tracks(uv, _FEWEST_VIEWS, _FEWEST_TRACKS)
+    weights = track_weights(uv, std)
     fundamentals = _fundamentals(tracks)
     deep = _with_most_depth(tracks, fundamentals)
     start = _start(tracks, image_size, fundamentals, deep)
@@ -111,7 +116,7 @@ def moving_camera(
         if _is_straight(turned):
             break
         state = _in_gauge(replace(first, camera=tied(start.camera, model)), order)
-        problem = TrackAdjustment(tracks[order][:, placed], tie, False)
+        problem = TrackAdjustment(tracks[order][:, placed], tie, False, weights[order][:, placed])
         fit = adjusted(problem, state, model, pixel_std)
         if fit is not None and fit.trusted:
             return replace(fit, camera_from_first=_in_order(fit.camera_from_first, order))

@@ -44,7 +44,7 @@ class PrintErrors:
 def print_errors(boards: BoardEvidence, state: RigState) -> PrintErrors:
     """What the residuals of a board's points have in common in all views."""
     residuals, by_place = _by_place(boards, state)
-    seen = np.isfinite(residuals).all(axis=-1)
+    seen = np.asarray(np.isfinite(residuals).all(axis=-1))
     residuals = np.where(seen[..., None], residuals, 0.0)
     freedom = 2 * int(seen.sum()) - 6 * len(seen)
     squares = float(np.sum(residuals**2))

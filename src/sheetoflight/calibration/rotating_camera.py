@@ -30,6 +30,7 @@ from sheetoflight.calibration.self_calibration import (
     pairs_of,
     picture_frame,
     tied,
+    track_weights,
     turns,
 )
 from sheetoflight.calibration.track_adjustment import TrackAdjustment, TrackState
@@ -54,14 +55,15 @@ def rotating_camera(
     distortion: str = "none",
     pixels: Pixels | None = None,
     pixel_std: float | None = None,
+    std: Array | None = None,
 ) -> SelfCalibration:
     """Camera from pictures taken from one point in several directions.
 
     Parameters
     ----------
     uv : (V, T, 2) array
-        Image points of T tracks in V views, px; NaN where not seen. Matches must be right: nothing
-        here looks for wrong ones.
+        Image points of T tracks in V views, px; NaN where not seen. Matches must be right:
+        `match_screening` looks for wrong ones.
     image_size : (int, int)
         Width and height, px.
     distortion : str
@@ -72,6 +74,8 @@ def rotating_camera(
         and for "centred" with its principal point in the picture's middle.
     pixel_std : float, optional
         Standard uncertainty of an image coordinate; from the residuals where absent.
+    std : (V, T) array, optional
+        How uncertain each image point is in proportion to the others, px; NaN where unknown.
 
     Returns
     -------
@@ -85,13 +89,14 @@ def rotating_camera(
         If views share too few tracks, or the rotations leave the camera open.
     """
     tracks, turned = checked_tracks(uv, 2, _FEWEST_TRACKS), np.zeros((1, 3))
+    weights = track_weights(uv, std)
     for model in _MODELS if pixels is None else (pixels,):
         tie = free_parameters(model, distortion)
         state = _start(tracks, image_size, model)
         turned = turns(state.rotations)
         if _rolls(turned):
             break
-        fit = adjusted(TrackAdjustment(tracks, tie, True), state, model, pixel_std)
+        fit = adjusted(TrackAdjustment(tracks, tie, True, weights), state, model, pixel_std)
         if fit is not None and fit.trusted:
             return fit
     raise UntrustworthyError(

@@ -21,6 +21,7 @@ from sheetoflight.estimation.block_least_squares import (
     solve,
 )
 from sheetoflight.geometry.directions import Array
+from sheetoflight.model.board_views import proportions
 from sheetoflight.model.camera import DISTORTION_MODELS, Camera
 
 Pixels = Literal["skewed", "rectangular", "square", "centred"]
@@ -55,7 +56,8 @@ class SelfCalibration:
     covariance : (P, P) array
         Of these; alpha and beta may be tied together.
     rms_px : float
-        Root mean square of the residual image coordinates, corrected for degrees of freedom.
+        Root mean square of the residual image coordinates, corrected for degrees of freedom; of
+        points with a typical std where these differ.
     degrees_of_freedom : int
     converged : bool
     """
@@ -137,6 +139,26 @@ def checked_tracks(uv: Array, views: int, tracks: int) -> Array:
             f"follow at least {tracks} points through at least {views} views",
         )
     return useful
+
+
+def track_weights(uv: Array, std: Array | None) -> Array:
+    """Weights ``(V, T')`` of the tracks that `checked_tracks` keeps: the inverse of each std in
+    proportion to the others, those that are unknown counting as typical.
+
+    Raises
+    ------
+    InputError
+        If the std has another shape, or is not above zero.
+    """
+    seen = np.isfinite(uv).all(axis=-1)
+    given = np.full(seen.shape, np.nan) if std is None else np.asarray(std, dtype=float)
+    if given.shape != seen.shape or (given <= 0).any():
+        raise InputError(
+            f"the tracks' std has shape {given.shape} or is not above zero, expected {seen.shape}",
+            "give one value above zero, or NaN, for each image point",
+        )
+    size = proportions(np.where(seen, given, np.nan))[0]
+    return 1.0 / size[:, seen.sum(axis=0) >= 2]
 
 
 def pairs_of(uv: Array, tracks: int) -> list[tuple[int, int]]:

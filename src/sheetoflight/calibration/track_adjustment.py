@@ -64,11 +64,17 @@ class TrackAdjustment:
         How the camera's parameters move with the p free ones.
     turns_only : bool
         Whether the camera stays in its place.
+    weights : (V, T) array, optional
+        What each image point's residuals are multiplied by; 1 where absent.
     """
 
-    def __init__(self, uv: Array, tie: Array, turns_only: bool) -> None:
+    def __init__(
+        self, uv: Array, tie: Array, turns_only: bool, weights: Array | None = None
+    ) -> None:
         self.seen = np.asarray(np.isfinite(uv).all(axis=-1)).T
         self.uv = np.where(self.seen[..., None], np.swapaxes(uv, 0, 1), 0.0)
+        given = np.ones(uv.shape[:2]) if weights is None else weights
+        self.weights = np.where(self.seen, given.T, 0.0)
         self.tie = tie
         self.turns_only = turns_only
 
@@ -104,6 +110,9 @@ class TrackAdjustment:
             column += slope.shape[-1]
         hidden = ~self.seen
         residuals, by_local = uv - self.uv, by_point @ own
+        residuals *= self.weights[..., None]
+        by_shared *= self.weights[..., None, None]
+        by_local *= self.weights[..., None, None]
         for array in (residuals, by_shared, by_local):
             array[hidden] = 0.0
         return [

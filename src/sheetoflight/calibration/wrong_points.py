@@ -108,7 +108,8 @@ class GivenStage:
 
     def adjustment(self) -> Adjustment:
         """Of the poses alone."""
-        return self.noise.adjustment(self.rig, {self.stage: self.views}, (), self.state)
+        rod = replace(self.rig, board=None)  # boards are judged by themselves
+        return self.noise.adjustment(rod, {self.stage: self.views}, (), self.state)
 
     def errors(self) -> Array:
         """Observed minus predicted image points ``(N, M, 2)``, px; NaN where not seen."""

@@ -10,6 +10,7 @@ from cyclopts import Parameter
 from rich.markup import escape
 from rich.table import Table
 
+from sheetoflight.calibration.match_methods import MATCH_METHODS
 from sheetoflight.calibration.methods import CAMERA_FREE, CalibrationOptions
 from sheetoflight.calibration.paper_plane import PaperOptions
 from sheetoflight.cli.monte_carlo import (
@@ -17,6 +18,7 @@ from sheetoflight.cli.monte_carlo import (
     monte_carlo_summary,
     tell_monte_carlo,
 )
+from sheetoflight.cli.second_opinion import second_opinion_summary, tell_second_opinion
 from sheetoflight.cli.telling import (
     AsJson,
     on_all_cores,
@@ -48,7 +50,9 @@ def calibrate(
     /,
     *,
     output: Annotated[Path, Parameter(name=("--output", "-o"))] = Path("calibration.json"),
-    method: Literal["joint", "two-step", "paper", "camera-free"] = "joint",
+    method: Literal[
+        "joint", "two-step", "paper", "camera-free", "rotating-camera", "moving-camera"
+    ] = "joint",
     camera: Path | None = None,
     json: AsJson = False,
     seed: int = _GENETIC.seed,
@@ -68,7 +72,9 @@ def calibrate(
     method
         joint: everything in one adjustment. two-step: the camera first, then the sheet.
         paper: triangulation, RANSAC and a genetic search, as in the paper. camera-free: from
-        in-plane views alone, for lengths on the sheet.
+        in-plane views alone, for lengths on the sheet. rotating-camera, moving-camera: the camera
+        alone, without any target, from points matched between pictures of a camera that only
+        turned, or was carried about (stage match of points.csv).
     camera
         The camera, where it is known already: a calibration.json, or a file of OpenCV, ROS,
         Kalibr, HALCON or Bouguet's toolbox. It is held, and its uncertainty carried on.
@@ -102,6 +108,11 @@ def calibrate(
             raise InputError(
                 "--monte-carlo re-simulates a camera, which method camera-free does not know",
                 "use --method joint with it",
+            )
+        elif method in MATCH_METHODS:
+            raise InputError(
+                f"--monte-carlo re-simulates targets, and method {method} has none",
+                "leave it out",
             )
         else:
             calibration = calibrate_and_check(rig, method, options, check, run)
@@ -167,6 +178,7 @@ def calibration_summary(calibration: Calibration) -> dict[str, Any]:
         {"name": plane.name, "normal": plane.normal.tolist(), "distance_mm": plane.distance_mm}
         for plane in calibration.light_planes
     ]
+    opinion = calibration.second_opinion
     return {
         "method": calibration.method,
         "camera": dict(
@@ -183,6 +195,7 @@ def calibration_summary(calibration: Calibration) -> dict[str, Any]:
         "rms_px": calibration.residuals.rms_px,
         "chi2_per_dof": calibration.residuals.chi2_per_dof,
         "findings": [asdict(finding) for finding in calibration.findings],
+        **({"second_opinion": second_opinion_summary(opinion)} if opinion else {}),
         "warnings": list(calibration.warnings),
     }
 
@@ -193,6 +206,8 @@ def tell_calibration(calibration: Calibration) -> None:
     if calibration.covariance.parameters:
         tell_table(_sources(calibration))
     tell_table(_noise(calibration))
+    if calibration.second_opinion:
+        tell_second_opinion(calibration.second_opinion)
     views: dict[str, int] = {}
     for view in calibration.residuals.views:
         views[view.stage] = views.get(view.stage, 0) + 1

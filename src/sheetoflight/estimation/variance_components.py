@@ -23,6 +23,9 @@ _TOLERANCE = 1e-6
 _LARGEST_FALL = 0.02
 """No variance falls to less than this part of itself in one step: the next score may be wrong."""
 
+_LEAST = 1e-12
+"""No variance falls to less than this part of its start: residuals of exact points have none."""
+
 _VANISHED = 1e-7
 """A variance that explains less than this part of the residuals' is none."""
 
@@ -132,7 +135,8 @@ def compressed(design: Array, residuals: Array) -> tuple[Array, Array, Array]:
     rest : (N,)
         Sum of squares of the ``n − q`` others.
     """
-    triangle = np.linalg.qr(np.concatenate([design, residuals[..., None]], axis=2), mode="r")
+    whole = np.concatenate([design, residuals[..., None]], axis=2)
+    triangle = np.asarray(np.linalg.qr(whole, mode="r"))
     width = design.shape[2]
     kept = triangle[:, :width]
     rest = triangle[:, width, width] ** 2 if triangle.shape[1] > width else np.zeros(len(design))
@@ -259,7 +263,8 @@ def variance_components(
             break
         step = np.zeros_like(sizes)
         step[active] = _pseudo_inverse(fisher[np.ix_(active, active)]) @ score[active]
-        proposed = np.where(sizes > 0, np.maximum(sizes + step, _LARGEST_FALL * sizes), 0.0)
+        least = np.maximum(_LARGEST_FALL * sizes, _LEAST * start)
+        proposed = np.where(sizes > 0, np.maximum(sizes + step, least), 0.0)
         proposed = np.where(active & (sizes == 0), np.maximum(step, 0.0), proposed)
         proposed = np.where(active & (proposed * scale < _VANISHED), 0.0, proposed)
         proposed = np.where(free, proposed, sizes)

@@ -134,17 +134,16 @@ def board_rows(
     """A row by column name for every point that was seen, then for those of the lines."""
     rows: list[dict[str, str | int | float]] = []
     for view, point in np.argwhere(views.seen).tolist():
-        rows.append(
-            _row(views.names[view], int(point), views.uv[view, point], views.stds[view, point])
-        )
+        row = _row(views.names[view], point, views.uv[view][point], float(views.stds[view][point]))
         if board is not None:
-            places = dict(zip(_COORDINATES, board.points[point].tolist(), strict=True))
-            rows[-1].update(places)
+            row["x"], row["y"], row["z"] = board.points[point].tolist()
+        rows.append(row)
     line = views.line
+    faces = board is not None and len(board.faces) > 1
     for k in np.argsort(line.view, kind="stable").tolist():
-        row = _row(views.names[line.view[k]], LINE, line.uv[k], line.std[k])
-        row["laser"] = lasers[line.laser[k]]
-        if board is not None and len(board.faces) > 1:
+        row = _row(views.names[int(line.view[k])], LINE, line.uv[k], float(line.std[k]))
+        row["laser"] = lasers[int(line.laser[k])]
+        if faces:
             row["face"] = int(line.face[k])
         rows.append(row)
     return rows
@@ -152,5 +151,7 @@ def board_rows(
 
 def _row(view: str, marker: str | int, uv: Array, std: float) -> dict[str, str | int | float]:
     row: dict[str, str | int | float] = {"view": view, "stage": "board", "marker": marker}
-    row |= {"u": float(uv[0]), "v": float(uv[1])}
-    return row | ({"std": float(std)} if np.isfinite(std) else {})
+    row["u"], row["v"] = uv.tolist()
+    if np.isfinite(std):
+        row["std"] = std
+    return row

@@ -25,6 +25,7 @@ from sheetoflight.io.monte_carlo_json import monte_carlo_document, monte_carlo_f
 from sheetoflight.io.quoting import file_name, one_line, shown
 from sheetoflight.io.reading import naming
 from sheetoflight.io.schema import validated
+from sheetoflight.io.second_opinion_json import second_opinion_document, second_opinion_from
 from sheetoflight.model.calibration import (
     AnyCalibration,
     Calibration,
@@ -54,7 +55,9 @@ def calibration_text(calibration: AnyCalibration) -> str:
         If a number is not finite, or the provenance holds what JSON cannot say.
     """
     target, residuals, findings = calibration.target, calibration.residuals, calibration.findings
-    monte_carlo = calibration.monte_carlo if isinstance(calibration, Calibration) else None
+    with_camera = calibration if isinstance(calibration, Calibration) else None
+    monte_carlo = with_camera and with_camera.monte_carlo
+    opinion = with_camera and with_camera.second_opinion
     return json_text(
         {
             "format": FORMAT,
@@ -70,6 +73,7 @@ def calibration_text(calibration: AnyCalibration) -> str:
                 "views": [_view_document(view) for view in residuals.views],
             },
             **({"monte_carlo": monte_carlo_document(monte_carlo)} if monte_carlo else {}),
+            **({"second_opinion": second_opinion_document(opinion)} if opinion else {}),
             **({"findings": [asdict(one) for one in findings]} if findings else {}),
             "warnings": calibration.warnings,
             "provenance": calibration.provenance,
@@ -177,10 +181,12 @@ def _sheet_calibration(content: CalibrationDocument) -> SheetCalibration:
 def _calibration(content: CalibrationDocument) -> Calibration:
     if content.light_planes is None:
         raise InputError("'light_planes' is missing", "calibrate again")
+    opinion = content.second_opinion
     return Calibration(
         camera=_camera(content.camera),
         light_planes=_light_planes(content.light_planes),
         monte_carlo=monte_carlo_from(content.monte_carlo) if content.monte_carlo else None,
+        second_opinion=opinion and second_opinion_from(opinion),
         **_common(content),
     )
 

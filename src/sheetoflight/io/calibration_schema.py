@@ -152,13 +152,67 @@ class MonteCarloPart(_Part):
     lengths: list[PropagatedLengthPart]
 
 
+class OpinionPart(_Part):
+    """``second_opinion.rod`` and ``.board``: what each determines alone."""
+
+    views: Annotated[int, Field(ge=1)]
+    determines: list[_Name]
+    refusal: str = ""
+
+
+class AgreementPart(_Part):
+    """An entry of ``second_opinion.parameters``: by the rod, and by the board."""
+
+    name: _Name
+    first: float
+    second: float
+    std: Annotated[float, Field(ge=0)]
+
+
+class SheetAgreementPart(_Part):
+    """An entry of ``second_opinion.sheets``: points of the same pixels by either."""
+
+    laser: _Name
+    points: Annotated[int, Field(ge=1)]
+    nearest_mm: float
+    farthest_mm: float
+    rms_mm: Annotated[float, Field(ge=0)]
+    largest_mm: Annotated[float, Field(ge=0)]
+    std_mm: Annotated[float, Field(ge=0)]
+
+
+class ScaleDifferencePart(_Part):
+    """``second_opinion.scale``: how far all lengths by the board are longer."""
+
+    relative: Annotated[float, Field(gt=-1)]
+    std: Annotated[float, Field(ge=0)]
+    odds: Annotated[float, Field(ge=0, le=1)]
+    rest_odds: Annotated[float, Field(ge=0, le=1)]
+
+
+class SecondOpinionPart(_Part):
+    """``second_opinion``: rod and board, each solved alone; ``noise_freedom`` is null where all
+    noise was stated."""
+
+    rod: OpinionPart
+    board: OpinionPart
+    parameters: list[AgreementPart]
+    chi2: Annotated[float, Field(ge=0)]
+    degrees_of_freedom: Annotated[int, Field(ge=0)]
+    noise_freedom: Annotated[float, Field(gt=0)] | None = None
+    odds: Annotated[float, Field(ge=0, le=1)]
+    sheets: list[SheetAgreementPart]
+    scale: ScaleDifferencePart | None = None
+
+
 class CalibrationDocument(_Part):
     """The whole file, its ``format`` and ``version`` checked before.
 
-    ``light_planes`` is empty where the camera alone was calibrated. What this package writes beyond the documented keys may be missing: ``target`` (then its
-    tolerance is not in the uncertainty), ``pixel_std`` (then ``rms_px``), ``warnings``,
-    ``findings``, ``monte_carlo`` (then none was made), and of ``covariance`` its ``sources`` and
-    ``noise`` (then what it comes from is not known).
+    ``light_planes`` is empty where the camera alone was calibrated. What this package writes
+    beyond the documented keys may be missing: ``target`` (then its tolerance is not in the
+    uncertainty), ``pixel_std`` (then ``rms_px``), ``warnings``, ``findings``, ``monte_carlo`` and
+    ``second_opinion`` (then none was made), and of ``covariance`` its ``sources`` and ``noise``
+    (then what it comes from is not known).
     """
 
     method: _Name
@@ -173,3 +227,4 @@ class CalibrationDocument(_Part):
     warnings: list[str] = []
     provenance: dict[str, Any] = {}
     monte_carlo: MonteCarloPart | None = None
+    second_opinion: SecondOpinionPart | None = None

@@ -11,8 +11,11 @@ import numpy as np
 from sheetoflight.errors import InputError
 from sheetoflight.io.quoting import one_line
 from sheetoflight.model.board_views import BoardViews
+from sheetoflight.model.matches import PointMatches
 from sheetoflight.model.observations import TargetViews
 from sheetoflight.model.rig import Rig
+
+_Views = TargetViews | BoardViews | PointMatches
 
 
 def check_views(rig: Rig) -> None:
@@ -34,10 +37,14 @@ def check_views(rig: Rig) -> None:
     numbers = [f"point {number}" for number in range(boards.uv.shape[1])]
     _refuse_outside(boards, "board", numbers, rig.image_size)
     _refuse_copies(boards, "board")
+    matches = rig.observations.matches
+    numbers = [f"point {number}" for number in matches.labels]
+    _refuse_outside(matches, "match", numbers, rig.image_size)
+    _refuse_copies(matches, "match")
 
 
 def _refuse_outside(
-    views: TargetViews | BoardViews, stage: str, points: list[str], image_size: tuple[int, int]
+    views: _Views, stage: str, points: list[str], image_size: tuple[int, int]
 ) -> None:
     width, height = image_size
     within = ((views.uv >= -0.5) & (views.uv <= np.array([width, height]) - 0.5)).all(axis=-1)
@@ -50,7 +57,7 @@ def _refuse_outside(
         )
 
 
-def _refuse_copies(views: TargetViews | BoardViews, stage: str) -> None:
+def _refuse_copies(views: _Views, stage: str) -> None:
     first: dict[bytes, str] = {}
     for name, uv, seen in zip(views.names, views.uv, views.seen, strict=True):
         if not seen.any():

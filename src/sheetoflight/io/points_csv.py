@@ -1,4 +1,4 @@
-"""``points.csv``: the image points of markers and of the laser's spots, one a row.
+"""``points.csv``: the image points of markers, boards, spots and matches, one a row.
 
 Header ``view,stage,marker,u,v``, further columns ``std`` (px), ``laser`` (a laser's name), ``face``
 (a number) and ``x,y,z`` (mm) as wanted. Rows come in any order. A marker that was not seen has no
@@ -17,6 +17,8 @@ from sheetoflight.errors import InputError
 from sheetoflight.io.atomic import write_whole
 from sheetoflight.io.board_points import BoardRows, board_rows
 from sheetoflight.io.csv_table import Row, read_table, table_text
+from sheetoflight.io.match_points import STAGE as MATCH
+from sheetoflight.io.match_points import MatchRows, match_rows
 from sheetoflight.io.quoting import file_name, shown
 from sheetoflight.model.board import Board
 from sheetoflight.model.observations import Observations, TargetViews
@@ -62,7 +64,8 @@ def read_points(
     ----------
     path : str or Path
     target : CollinearTarget, optional
-        Says how many markers a view may have; only stage board may be there where absent.
+        Says how many markers a view may have; only the stages board and match may be there where
+        absent.
     lasers : sequence of str
         Names of the rig's lasers.
     board : Board, optional
@@ -85,9 +88,12 @@ def read_points(
     """
     markers = 0 if target is None else len(target.markers_mm)
     stages: dict[str, _Views] = {stage: {} for stage in STAGES}
-    boards = BoardRows(board)
+    boards, matches = BoardRows(board), MatchRows()
     for row in read_table(path, COLUMNS, OPTIONAL_COLUMNS):
         stage = _stage(row)
+        if stage == MATCH:
+            matches.add(row)
+            continue
         if stage == BOARD:
             on_line = row.cells["marker"].strip() == SPOT
             boards.add(row, _laser(row, lasers, needed=on_line))
@@ -109,6 +115,7 @@ def read_points(
         plane=_target_views(stages["plane"], markers),
         crossing=_target_views(stages["crossing"], markers + len(lasers)),
         board=boards.views(),
+        matches=matches.matches(),
     )
 
 
@@ -140,6 +147,7 @@ def write_points(
     stages = observations.stages()
     rows = [row for stage, views in stages.items() for row in _rows(stage, views, lasers)]
     rows += board_rows(observations.board, board, lasers)
+    rows += match_rows(observations.matches)
     present = {column for row in rows for column, value in row.items() if value != ""}
     if len(lasers) < 2:
         present.discard("laser")
@@ -155,9 +163,10 @@ def write_points(
 
 def _stage(row: Row) -> str:
     stage = row.cells["stage"].strip()
-    if stage not in (*STAGES, BOARD):
+    if stage not in (*STAGES, BOARD, MATCH):
         raise InputError(
-            f"{row.place}: unknown stage {shown(stage)}", f"use {', '.join(STAGES)} or {BOARD}"
+            f"{row.place}: unknown stage {shown(stage)}",
+            f"use {', '.join((*STAGES, BOARD))} or {MATCH}",
         )
     return stage
 

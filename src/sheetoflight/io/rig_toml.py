@@ -105,7 +105,7 @@ class RigFile:
     Parameters
     ----------
     target : CollinearTarget or None
-        None where there is a board alone.
+        None where there is a board alone, or neither.
     image_size : (int, int) or None
         Width and height in px; None where the file leaves it to the pictures.
     distortion : {"none", "radial1", "radial2", "brown"}
@@ -140,6 +140,21 @@ class RigFile:
     def rod(self) -> CollinearTarget:
         """The collinear target; an ordinary one where there is none, for stages without views."""
         return self.target or CollinearTarget()
+
+    def refuse_without_target(self) -> None:
+        """Refuse a file that describes nothing to look for in pictures.
+
+        Raises
+        ------
+        InputError
+            If there is neither a target nor a board.
+        """
+        if self.target is None and self.board is None:
+            raise InputError(
+                f"{file_name(self.path)}: neither [target] nor [board] is there",
+                "describe the target with markers_mm, or the board with kind, columns, rows and "
+                "pitch_mm; only matched points in points.csv need neither",
+            )
 
     def rig(
         self, observations: Observations | None = None, picture_size: tuple[int, int] | None = None
@@ -195,7 +210,7 @@ def read_rig_toml(path: str | Path) -> RigFile:
     ------
     InputError
         For an unknown or missing key, a wrong type or value, a thermal expansion without the
-        uncertainty of the temperature, neither target nor board; file and key are named.
+        uncertainty of the temperature; file and key are named.
     FileError
         If the file cannot be read, or is not TOML; the line is named.
     """
@@ -203,12 +218,6 @@ def read_rig_toml(path: str | Path) -> RigFile:
     with naming(path):
         content = validated(_document_model(document), document)
         camera, noise = content.camera, content.noise
-        if content.target is None and content.board is None:
-            raise InputError(
-                "neither [target] nor [board] is there",
-                "describe the target with markers_mm, or the board with kind, columns, rows and "
-                "pitch_mm",
-            )
         return RigFile(
             target=None if content.target is None else _target(content.target),
             image_size=(camera.image_size[0], camera.image_size[1]) if camera.image_size else None,
@@ -231,9 +240,10 @@ def rig_toml_text(rig: Rig) -> str:
     InputError
         If a laser's name is none that a rig file may hold.
     """
-    board_alone = rig.board is not None and not rig.observations.stages()
+    others = rig.board is not None or len(rig.observations.matches) > 0
+    no_target = others and not rig.observations.stages()
     lines = [
-        *([] if board_alone else _target_lines(rig.target)),
+        *([] if no_target else _target_lines(rig.target)),
         *([] if rig.board is None else _board_lines(rig.board)),
         "[camera]",
         f"image_size = {[int(n) for n in rig.image_size]}",

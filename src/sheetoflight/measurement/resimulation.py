@@ -70,7 +70,7 @@ class Resimulation:
         shift = self._marker_shifts(rng)
         stages = self.rig.observations.stages()
         views = {stage: self._observed(stage, stages[stage], shift, rng) for stage in stages}
-        return replace(self.rig, observations=Observations(**views))
+        return replace(self.rig, observations=replace(self.rig.observations, **views))
 
     def _marker_shifts(self, rng: np.random.Generator) -> Array:
         """How far ``(M,)`` the markers lie from where they are said to lie, mm."""
@@ -112,8 +112,13 @@ def resimulation(rig: Rig, calibration: Calibration) -> Resimulation:
     Raises
     ------
     InputError
-        If the calibration knows none of the rig's views.
+        If the calibration knows none of the rig's views, or the rig has boards.
     """
+    if len(rig.observations.board):
+        raise InputError(
+            "boards are not simulated again: the calibration does not hold their lines",
+            "compare methods on simulated boards by sol compare",
+        )
     rig = _as_used(rig, calibration)
     proportions = noise_model(rig).proportions
     fitted = _fitted_points(calibration)
@@ -147,7 +152,9 @@ def _as_used(rig: Rig, calibration: Calibration) -> Rig:
             "the calibration holds no view of the rig, so that it cannot be simulated again",
             "give the rig from which it was calibrated",
         )
-    return replace(rig, observations=Observations(**views))
+    empty = Observations()
+    kept_only = replace(empty, **views)
+    return replace(rig, observations=kept_only)
 
 
 def _fitted_points(calibration: Calibration) -> dict[tuple[str, str], Array]:

@@ -94,10 +94,7 @@ class LinePixels:
         if not len(self):
             return []
         key = (self.view * (self.laser.max() + 1) + self.laser) * (self.face.max() + 1) + self.face
-        if (np.diff(key) >= 0).all():
-            order = np.arange(len(key))
-        else:
-            order = np.argsort(key, kind="stable")
+        order = np.argsort(key, kind="stable")
         return np.split(order, np.flatnonzero(np.diff(key[order])) + 1)
 
     def take(self, points: np.ndarray) -> LinePixels:

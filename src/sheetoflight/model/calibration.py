@@ -16,6 +16,7 @@ from sheetoflight.model.covariance import Covariance
 from sheetoflight.model.diagnosis import Finding
 from sheetoflight.model.light_plane import LightPlane
 from sheetoflight.model.monte_carlo import MonteCarlo
+from sheetoflight.model.second_opinion import SecondOpinion
 from sheetoflight.model.sheet_map import SheetMap
 from sheetoflight.model.target import CollinearTarget
 
@@ -158,11 +159,14 @@ class Calibration(_Measuring):
         What was used to get them: files, versions, options.
     monte_carlo : MonteCarlo, optional
         What re-simulated calibrations say of the covariance, where that was asked for.
+    second_opinion : SecondOpinion, optional
+        Rod and board, each solved alone and compared, where there are both.
     """
 
     camera: Camera
     light_planes: tuple[LightPlane, ...]
     monte_carlo: MonteCarlo | None = None
+    second_opinion: SecondOpinion | None = None
 
     @property
     def light_plane(self) -> LightPlane:

@@ -10,6 +10,7 @@ import numpy as np
 from sheetoflight.errors import InputError
 from sheetoflight.geometry.directions import Array
 from sheetoflight.model.board_views import BoardViews
+from sheetoflight.model.matches import PointMatches
 
 
 @dataclass(frozen=True, eq=False)
@@ -126,12 +127,15 @@ class Observations:
         The sheet crosses the target, and the laser's spot on it is seen.
     board : BoardViews
         A board or a solid body of known points, with or without lines of light on it.
+    matches : PointMatches
+        Points of an unknown scene, for a camera that is calibrated without any target.
     """
 
     camera: TargetViews = field(default_factory=no_views)
     plane: TargetViews = field(default_factory=no_views)
     crossing: TargetViews = field(default_factory=no_views)
     board: BoardViews = field(default_factory=BoardViews)
+    matches: PointMatches = field(default_factory=PointMatches)
 
     def stages(self) -> dict[str, TargetViews]:
         """The stages of the collinear target that hold at least one view."""
@@ -141,4 +145,5 @@ class Observations:
     def counts(self) -> dict[str, int]:
         """How many views each stage holds that holds any."""
         counts = {stage: len(views) for stage, views in self.stages().items()}
-        return counts | ({"board": len(self.board)} if len(self.board) else {})
+        further = {"board": len(self.board), "match": len(self.matches)}
+        return counts | {stage: count for stage, count in further.items() if count}

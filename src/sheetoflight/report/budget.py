@@ -15,6 +15,8 @@ SOURCES = {
     "sheet": "noise of the image points in stage plane",
     "crossing": "noise of the image points in stage crossing",
     "board": "noise of the boards' image points",
+    "matches": "noise of the matched image points",
+    "known camera": "the uncertainty of the camera that was held",
     "line": "points of the laser's line on the boards about the line itself",
     "lines off the sheet": "whole lines on the boards beside the sheet of light, and winding lines",
     "placement": "the target lying beside the sheet of light in stage plane",

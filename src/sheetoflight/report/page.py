@@ -25,6 +25,7 @@ from sheetoflight.report.noise import (
 from sheetoflight.report.picture_block import picture_blocks
 from sheetoflight.report.plots import budget_plot, calibration_plots, residual_plots
 from sheetoflight.report.point_groups import largest_px, point_groups, stages_of
+from sheetoflight.report.second_opinion_block import second_opinion_tables
 
 _SENSOR = ("Camera", "Camera and sheet of light", "Camera and sheets of light")
 """What was calibrated, by the number of sheets."""
@@ -46,7 +47,8 @@ def build_report(
     pictures : sequence of MeasuredPicture
         Pictures of the calibrated camera with the lengths that were measured in them.
     tables : sequence of Table
-        Shown as they are given, behind those of the Monte Carlo where one was made.
+        Shown as they are given, behind those of the second opinion and of the Monte Carlo where
+        they were made.
 
     Returns
     -------
@@ -92,7 +94,11 @@ def build_report(
             calibration_plots=calibration_plots(calibration),
             residual_plots=residual_plots(calibration),
             pictures=picture_blocks(calibration, pictures),
-            tables=(*monte_carlo_tables(calibration), *tables),
+            tables=(
+                *second_opinion_tables(calibration),
+                *monte_carlo_tables(calibration),
+                *tables,
+            ),
             provenance=tuple(numbers.flat(calibration.provenance)),
         )
     )

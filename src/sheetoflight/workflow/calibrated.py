@@ -10,12 +10,16 @@ from typing import Any, Literal, overload
 
 from sheetoflight.calibration import methods
 from sheetoflight.calibration.camera_free_method import camera_free
+from sheetoflight.calibration.match_methods import MATCH_METHODS
 from sheetoflight.calibration.methods import CAMERA_FREE, CalibrationOptions
+from sheetoflight.errors import UntrustworthyError
 from sheetoflight.io.calibration_json import read_any_calibration, read_calibration
 from sheetoflight.io.exchange import is_calibration, read_exchange
+from sheetoflight.measurement.second_opinion import second_opinion
 from sheetoflight.model.board import Board, PlanarBoard
 from sheetoflight.model.calibration import AnyCalibration, Calibration, SheetCalibration
 from sheetoflight.model.rig import Rig
+from sheetoflight.model.second_opinion import SecondOpinion
 from sheetoflight.workflow.rig_folder import load_rig
 from sheetoflight.workflow.spread import ALONE, Execution
 
@@ -100,7 +104,7 @@ def calibrate(
     Parameters
     ----------
     rig : Rig
-    method : {"joint", "two-step", "paper", "camera-free"}
+    method : {"joint", "two-step", "paper", "rotating-camera", "moving-camera", "camera-free"}
         See `calibration.methods.calibrate`; ``camera-free`` needs no camera stage and gives a
         `SheetCalibration`, with which lengths on the sheet are measured.
     options : CalibrationOptions, optional
@@ -109,7 +113,44 @@ def calibrate(
     provenance = _provenance(rig, method, options)
     if method == CAMERA_FREE:
         return replace(camera_free(rig), provenance=provenance)
-    return replace(methods.calibrate(rig, method, options), provenance=provenance)
+    if method == "paper" or method in MATCH_METHODS:  # rod or matches only
+        found = methods.calibrate(rig, method, options)
+    else:
+        found = _with_second_opinion(rig, method, options)
+    return replace(found, provenance=provenance)
+
+
+def _with_second_opinion(rig: Rig, method: str, options: CalibrationOptions) -> Calibration:
+    """Calibrate all together, and where there are rod and board, each of them alone as well.
+
+    Raises
+    ------
+    UntrustworthyError
+        If no trustworthy number can be had; it says so where the two contradict each other.
+    """
+
+    def alone(part: Rig) -> Calibration:
+        return methods.calibrate(part, method, options)
+
+    try:
+        together = alone(rig)
+    except UntrustworthyError as refusal:
+        opinion = second_opinion(rig, alone)
+        if opinion is None or opinion.agrees:
+            raise
+        raise _contradiction(opinion, refusal) from refusal
+    opinion = second_opinion(rig, alone)
+    warnings = together.warnings
+    if opinion is not None and not opinion.agrees:
+        warnings = (*warnings, "; ".join(opinion.verdict[:2]))
+    return replace(together, second_opinion=opinion, warnings=warnings)
+
+
+def _contradiction(opinion: SecondOpinion, refusal: UntrustworthyError) -> UntrustworthyError:
+    """A refusal of all together, where what each says alone tells why."""
+    what, remedy = opinion.difference
+    together = "" if opinion.scale_only else f"; taken together, {refusal.what}"
+    return UntrustworthyError("joint", f"{opinion.judgement}; {what}{together}", remedy)
 
 
 def _board(board: Board) -> dict[str, Any]:

@@ -53,6 +53,7 @@ def plan(
     path = Path(path)
     path = path / "rig.toml" if path.is_dir() else path
     described = read_rig_toml(path)
+    described.refuse_without_target()
     if calibration is None:
         rig, nominal, taken = described.rig(), _drawn(described), None
     else:

@@ -106,7 +106,7 @@ def load_rig(folder: str | Path, run: Execution = ALONE) -> Rig:
 def detect(folder: str | Path, run: Execution = ALONE) -> Detection:
     """Find the target in all pictures of a rig folder and write ``points.csv``.
 
-    What ``points.csv`` held of the stages crossing and board stays in it where there are no
+    What ``points.csv`` held of the stages crossing, board and match stays in it where there are no
     pictures of them.
 
     Raises
@@ -135,6 +135,10 @@ _OPTIONAL = ("crossing", "board")
 """Stages that ``points.csv`` may give where there are no pictures of them."""
 
 
+_MATCHED = {"match": "matches"}
+"""The stage that has no pictures of its own, and where observations hold it."""
+
+
 def _given(folder: Path, described: RigFile) -> Observations:
     return read_points(folder / POINTS, described.target, described.lasers, described.board)
 
@@ -145,6 +149,7 @@ def _stage_pictures(folder: Path, described: RigFile) -> dict[str, list[Pictured
     Without a collinear target, pictures in camera/ are of the board with the laser off.
     """
     lasers = described.lasers
+    described.refuse_without_target()
     found = {}
     for stage in STAGES:
         if not (folder / stage).is_dir():
@@ -244,14 +249,16 @@ def _observations(
         camera = {p.file.path for p, _ in found.get(BOARDS_WITHOUT_LINE, ())}
         told = [f"camera/{p.view}" if p.file.path in camera else p.view for p, _ in boards]
         views["board"] = board_views(told, own, outcomes)
-    missing = [stage for stage in _OPTIONAL if stage not in views]
+    missing = [stage for stage in (*_OPTIONAL, *_MATCHED) if stage not in views]
     kept = ()
     if (folder / POINTS).exists() and missing:
         text = read_bytes(folder / POINTS, TEXT_LIMIT_BYTES)
         kept = tuple(stage for stage in missing if stage.encode() in text)
         given = _given(folder, described) if kept else Observations()
-        views |= {stage: getattr(given, stage) for stage in kept if len(getattr(given, stage))}
-        kept = tuple(stage for stage in kept if stage in views)
+        fields = {stage: _MATCHED.get(stage, stage) for stage in kept}
+        fields = {stage: name for stage, name in fields.items() if len(getattr(given, name))}
+        views |= {name: getattr(given, name) for name in fields.values()}
+        kept = tuple(fields)
     empty: dict[str, Any] = {stage: no_views(markers) for stage in STAGES}
     empty["crossing"] = no_views(markers + lasers)
     return Observations(**(empty | views)), kept
