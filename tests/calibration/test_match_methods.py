@@ -195,6 +195,10 @@ def test_what_cannot_be_had_is_refused_in_words() -> None:
     uv = turning(CAMERA, [[0, 0, a] for a in (0.0, 0.2, -0.2)], 60, rng)
     with pytest.raises(UntrustworthyError, match="about the line of sight alone"):
         calibrate(rig_with(uv + 0.2 * rng.normal(size=uv.shape)), "rotating-camera")
+    lonely = rig.observations.matches.uv.copy()
+    lonely[3, np.flatnonzero(np.isfinite(lonely[3, :, 0]))[4:]] = np.nan
+    with pytest.raises(UntrustworthyError, match="view shot 3 shares 4 points with the view"):
+        calibrate(rig_with(lonely), "rotating-camera")
     one = turning(CAMERA, ONE_AXIS, 60, rng)
     with pytest.raises(UntrustworthyError, match="about one axis"):
         calibrate(rig_with(one + 0.5 * rng.normal(size=one.shape), skew=True), "rotating-camera")

@@ -17,7 +17,6 @@ from sheetoflight.geometry.directions import Array
 from sheetoflight.model.board_views import proportions
 from sheetoflight.model.rig import Rig
 
-
 _LEAST_PX2 = 1e-12
 """Exact points are known to a millionth of a pixel."""
 

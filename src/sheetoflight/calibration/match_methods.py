@@ -28,6 +28,9 @@ from sheetoflight.model.rig import Rig
 STAGE = "match"
 ROTATING, MOVING = "rotating-camera", "moving-camera"
 
+_SHARED = {ROTATING: 5, MOVING: 10}
+"""Points that a view must share with some other, to be placed beside it at all."""
+
 _NAMED = 4
 _MANY_WRONG = 0.1
 _COARSE_PX = 1.0
@@ -83,11 +86,13 @@ def camera_from_matches(rig: Rig, method: str) -> Calibration:
     InputError
         If there are no matches, or the camera is known already.
     UntrustworthyError
-        If the pictures leave the camera open, most matches contradict each other, or they show a
-        distortion that is not in the model and spoils the focal length.
+        If a view shares too few points, the pictures leave the camera open, most matches
+        contradict each other, or they show a distortion that is not in the model and spoils the
+        focal length.
     """
     matches = rig.observations.matches
     _refuse_unfit(rig, method)
+    _refuse_lonely(matches, _SHARED[method])
     stated = rig.pixel_std
     found = _screened(rig, method, stated)
     ratio = 1.0 if stated is None else (found.fit.rms_px / stated) ** 2
@@ -140,6 +145,22 @@ def _refuse_unfit(rig: Rig, method: str) -> None:
         raise InputError(
             f"method {method} finds the camera, and it is known already",
             "leave out --camera, or use --method joint with a target or a board",
+        )
+
+
+def _refuse_lonely(matches: PointMatches, fewest: int) -> None:
+    """Refuse a view that shares too few points with any other, by its name."""
+    seen = matches.seen.astype(int)
+    shared = seen @ seen.T
+    np.fill_diagonal(shared, 0)
+    most = shared.max(axis=1, initial=0)
+    if (most < fewest).any():
+        view = int(np.argmax(most < fewest))
+        raise UntrustworthyError(
+            "camera",
+            f"view {matches.names[view]} shares {most[view]} points with the view it shares most "
+            f"with, at least {fewest} are needed",
+            "remove it, or match more of its points",
         )
 
 
