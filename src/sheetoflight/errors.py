@@ -46,6 +46,11 @@ class InputError(SheetOfLightError, ValueError):
 class FileError(InputError, OSError):
     """A file or folder is missing, damaged, or cannot be written."""
 
+    def __new__(cls, *args: object) -> FileError:
+        # looked up by name, ValueError's would come first, which cannot make an OSError: Dask's
+        # way of sending exceptions does that
+        return OSError.__new__(cls, *args)
+
     def __str__(self) -> str:
         return SheetOfLightError.__str__(self)
 

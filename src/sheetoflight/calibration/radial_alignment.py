@@ -26,6 +26,9 @@ _APART = 3.0
 _DISTORTIONS = np.linspace(-0.4, 0.4, 9)
 """κ r² at the outermost point that are tried for a start."""
 
+_LEAST_DAMPING = 1e-12
+"""Keeps the equations regular where two parameters do the same."""
+
 _STEPS = 30
 _PARALLEL = 1e-6
 """Singular value of the image's derivatives by focal length, depth and distortion, each of length
@@ -246,7 +249,8 @@ def _refined(turned: Array, upright: Array, parameters: Array) -> Array:
         step = np.linalg.solve(normal, (slopes / scale).T @ residuals) / scale
         trial = _cost(turned, upright, parameters - step)
         if trial < cost:
-            parameters, cost, damping = parameters - step, trial, 0.1 * damping
+            damping = max(0.1 * damping, _LEAST_DAMPING)
+            parameters, cost = parameters - step, trial
         else:
             damping *= 10.0
     return parameters
