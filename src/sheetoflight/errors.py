@@ -47,8 +47,8 @@ class FileError(InputError, OSError):
     """A file or folder is missing, damaged, or cannot be written."""
 
     def __new__(cls, *args: object) -> FileError:
-        # looked up by name, ValueError's would come first, which cannot make an OSError: Dask's
-        # way of sending exceptions does that
+        """Made as an OSError: looked up by name, as Dask does when it sends one, the other
+        parent's way would come first, which cannot."""
         return OSError.__new__(cls, *args)
 
     def __str__(self) -> str:
