@@ -43,7 +43,9 @@ def calibrated(tmp_path_factory: pytest.TempPathFactory):
             if path.suffix not in (".jpg", ".png"):
                 continue
             if turned:  # as the authors held the camera
-                upright = cv2.flip(cv2.transpose(cv2.imread(str(path), cv2.IMREAD_GRAYSCALE)), 1)
+                stored = cv2.imread(str(path), cv2.IMREAD_GRAYSCALE)
+                assert stored is not None
+                upright = cv2.flip(cv2.transpose(stored), 1)
                 cv2.imwrite(str(folder / "board" / f"{path.stem}.png"), upright)
             else:
                 (folder / "board" / path.name).write_bytes(path.read_bytes())
