@@ -112,10 +112,11 @@ def _results(
             f"{what}: a process that shared the work was ended from outside",
             "close other programs, memory may be short; then try again",
         ) from error
-    except BaseException:  # an interrupt above all: do not wait for what nobody wants any more
-        pool.shutdown(wait=False, cancel_futures=True)
+    except BaseException:  # an interrupt above all: what nobody wants any more is not finished
         for child in set(active_children()) - others:
             child.terminate()
+        # the pool's thread must be gone before the interpreter ends: it closes what that would use
+        pool.shutdown(wait=True, cancel_futures=True)
         raise
     pool.shutdown()
 
