@@ -93,6 +93,13 @@ def test_a_sheet_close_to_its_camera(calibrated) -> None:
     assert abs(shift) < 1.5
 
 
+def test_lines_that_go_on_beside_the_plate_give_its_sheet(calibrated) -> None:
+    found = calibrated("etna_robot/set0", board(7, 6, 10.0))
+    angle, shift, _, _ = off(found, (0.7897, 0.0588, 0.6107), 179.90)
+    assert angle < 0.2
+    assert abs(shift) < 0.5
+
+
 @pytest.mark.parametrize(
     ("photographs", "normal", "distance"),
     [

@@ -14,7 +14,12 @@ from scipy.special import chdtri
 
 from sheetoflight.calibration.board_planes import faces_in_space, on_faces
 from sheetoflight.calibration.board_start import board_poses, boards_alone
-from sheetoflight.calibration.line_consensus import FacePlanes, agreed_pieces, cut_into_pieces
+from sheetoflight.calibration.line_consensus import (
+    FacePlanes,
+    agreed_pieces,
+    cut_into_pieces,
+    grown,
+)
 from sheetoflight.calibration.lines_on_boards import reduced_lines
 from sheetoflight.calibration.rig_state import RigState
 from sheetoflight.calibration.wrong_points import FALSE_ALARM
@@ -37,7 +42,7 @@ _PRINTED = 0.2
 """Share of the views in which a point must be off before it is thought to be misprinted."""
 
 _PLENTY = 50
-"""Points of a line on the pattern that make those beside it superfluous."""
+"""Points of a line on the pattern that tell which way it goes on beside it."""
 
 _SHOWN = 5
 """Names that are listed one by one."""
@@ -208,7 +213,7 @@ def _in_the_sheets(rig: Rig, state: RigState) -> tuple[Rig, tuple[str, ...]]:
     for laser in np.unique(line.laser):
         lines = [own for own in line.groups() if line.laser[own[0]] == laser]
         # on its pattern the board is sure to be, beside it only the others can tell
-        groups = [own[printed[own]] if printed[own].sum() >= _PLENTY else own for own in lines]
+        groups = [_from_the_pattern(own, focal * rays[own, :2], printed[own]) for own in lines]
         pieces = cut_into_pieces(
             [rays[own, :2] for own in groups], focal, [printed[own] for own in groups]
         )
@@ -225,6 +230,11 @@ def _in_the_sheets(rig: Rig, state: RigState) -> tuple[Rig, tuple[str, ...]]:
         reduced_lines(left, state.camera, rays[kept])
     words = (_lost_lines(lost, bool(kept.any())),) if lost else ()
     return with_board_views(rig, replace(views, line=left)), words
+
+
+def _from_the_pattern(own: np.ndarray, points: Array, printed: np.ndarray) -> np.ndarray:
+    """Those of a line's points that may lie on its board: all, or what goes on from its pattern."""
+    return own[grown(points, printed)] if printed.sum() >= _PLENTY else own
 
 
 def _lost_lines(names: list[str], others: bool) -> str:

@@ -52,6 +52,15 @@ _LINE_FACTOR = 3.0
 _LEAST_PX = 0.5
 """Distance of a piece from its line that is no reason to leave it out."""
 
+_GROWTH = 0.5
+"""By how much of its length a line is followed beyond its end at a time."""
+
+_GROWTH_FACTOR = 4.0
+"""Distance from the line at which its continuation ends, in standard deviations of its points."""
+
+_GOES_ON = 0.5
+"""Share of the points beyond its end that must lie on the line if it is to go on there."""
+
 _PER_SINGLE = 0.6745
 """Median size of a normal deviation, in standard deviations."""
 
@@ -178,6 +187,53 @@ def agreeing(points: Array) -> np.ndarray:
     return np.abs(_off(points, some, weights)) <= limit
 
 
+def grown(points: Array, seed: np.ndarray) -> np.ndarray:
+    """Mask of the points ``(K, 2)`` px on the straight line of some of them, as far as it goes on
+    without a step or a bend.
+
+    What is printed on a board is sure to lie on it, and mostly short; the board's margin carries
+    the line on. So the line is followed outwards by half its own length at a time.
+
+    Parameters
+    ----------
+    points : (K, 2) array
+        NaN where there are none.
+    seed : (K,) mask
+        Points that are sure to lie on the board.
+    """
+    there = np.isfinite(points).all(axis=1)
+    own = seed & there
+    own[np.flatnonzero(own)] = agreeing(points[own])
+    ended = [False, False]
+    while own.any() and not all(ended):
+        middle, along = _axis(points[own])
+        way = (points - middle) @ along
+        off = np.abs((points - middle) @ np.array([-along[1], along[0]]))
+        low, high = way[own].min(), way[own].max()
+        limit = max(_GROWTH_FACTOR * float(np.median(off[own])) / _PER_SINGLE, _TOLERANCE_PX)
+        for side, beyond in enumerate((low - way, way - high)):
+            new, ended[side] = _continued(there & (beyond > 0), beyond, off <= limit, high - low)
+            own |= new
+    return own
+
+
+def _continued(
+    outside: np.ndarray, beyond: Array, near: np.ndarray, length: float
+) -> tuple[np.ndarray, bool]:
+    """Mask of the points beyond a line's end that carry it on, as far as most of them do and it is
+    known to be straight; and whether it ends there."""
+    order = np.flatnonzero(outside)
+    order = order[np.argsort(beyond[order], kind="stable")]
+    new = np.zeros(len(outside), dtype=bool)
+    if not len(order) or beyond[order[0]] > length:
+        return new, True
+    order = order[beyond[order] <= beyond[order[0]] + _GROWTH * length]
+    most = np.cumsum(near[order]) > _GOES_ON * np.arange(1, len(order) + 1)
+    reached = order[: int(np.flatnonzero(most)[-1]) + 1] if most.any() else order[:0]
+    new[reached] = near[reached]
+    return new, not most[-1]
+
+
 def _off(points: Array, line: Array | None = None, weights: Array | None = None) -> Array:
     """Signed distances of points from the total least-squares line of others."""
     line = points if line is None else line
@@ -201,12 +257,17 @@ def _most_on_a_line(points: Array, rng: np.random.Generator) -> np.ndarray:
 
 def _ends(xy: Array) -> Array:
     """The ends ``(2, 2)`` of the piece that points form, on its line."""
-    middle = xy.mean(axis=0)
-    x, y = (xy - middle).T
-    angle = 0.5 * np.arctan2(2.0 * (x @ y), x @ x - y @ y)
-    along = np.array([np.cos(angle), np.sin(angle)])
-    way = x * along[0] + y * along[1]
+    middle, along = _axis(xy)
+    way = (xy - middle) @ along
     return middle + np.array([[way.min()], [way.max()]]) * along
+
+
+def _axis(points: Array) -> tuple[Array, Array]:
+    """The middle of points ``(K, 2)``, and the direction of their total least-squares line."""
+    middle = points.mean(axis=0)
+    x, y = (points - middle).T
+    angle = 0.5 * np.arctan2(2.0 * (x @ y), x @ x - y @ y)
+    return middle, np.array([np.cos(angle), np.sin(angle)])
 
 
 @dataclass(frozen=True, eq=False)

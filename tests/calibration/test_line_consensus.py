@@ -1,0 +1,63 @@
+"""Where on a line the board ends."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from sheetoflight.calibration.line_consensus import grown
+
+NOISE_PX = 0.2
+
+
+def line(heights: np.ndarray, seed: int = 3) -> np.ndarray:
+    """Points a pixel apart along x, at these heights and with noise."""
+    noise = np.random.default_rng(seed).normal(0.0, NOISE_PX, len(heights))
+    turn = np.array([[np.cos(0.3), -np.sin(0.3)], [np.sin(0.3), np.cos(0.3)]])
+    return np.column_stack([np.arange(len(heights)), heights + noise]) @ turn.T
+
+
+def among(count: int, low: int, high: int) -> np.ndarray:
+    """Mask of the points from ``low`` up to ``high``."""
+    places = np.arange(count)
+    return (places >= low) & (places < high)
+
+
+def test_a_short_part_on_the_pattern_tells_a_long_line_on_the_margin() -> None:
+    """Beyond 5.9 standard deviations a point in a thousand million is missed by chance."""
+    own = grown(line(np.zeros(1000)), among(1000, 400, 460))
+    assert own.mean() > 0.99
+
+
+@pytest.mark.parametrize("width", [1, 30, 100])
+def test_a_gap_is_no_end(width: int) -> None:
+    """A dark field of the pattern, or a scratch, that is narrower than what is known so far."""
+    points = line(np.zeros(1000))
+    points[among(1000, 600, 600 + width)] = np.nan
+    own = grown(points, among(1000, 300, 500))
+    assert own[among(1000, 600 + width, 1000)].mean() > 0.99
+    assert not own[among(1000, 600, 600 + width)].any()
+
+
+def test_what_goes_on_far_away_is_something_else() -> None:
+    points = line(np.zeros(1000))
+    points[among(1000, 400, 800)] = np.nan
+    own = grown(points, among(1000, 300, 400))
+    assert not own[800:].any()
+
+
+@pytest.mark.parametrize("step", [-4.0, 3.0, 20.0])
+def test_a_line_ends_at_a_step(step: float) -> None:
+    """What lies lower than the board is seen beside the line, by the sheet's slant."""
+    own = grown(line(np.where(among(1000, 700, 1000), step, 0.0)), among(1000, 300, 500))
+    assert own[:700].mean() > 0.99
+    assert not own[701:].any()
+
+
+def test_a_line_ends_where_it_bends() -> None:
+    """On a wall behind the table: up to where the bend is as large as the tolerance of 2 px, and
+    the half of a stretch behind it."""
+    bent = 0.2 * np.maximum(np.arange(1000) - 700.0, 0.0)
+    own = grown(line(bent), among(1000, 300, 500))
+    assert own[:690].mean() > 0.98
+    assert not own[720:].any()
