@@ -10,11 +10,14 @@ import sys
 import time
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from sheetoflight.cli.main import main
 from sheetoflight.io.points_csv import write_points
 from sheetoflight.io.rig_toml import write_rig_toml
+from sheetoflight.model.board import PlanarBoard
+from tests.calibration.boards import rig_of, seen_boards
 from tests.calibration.examples import simulated
 
 
@@ -46,6 +49,26 @@ def test_the_comparison_is_told_and_written(
     summary = json.loads(capsys.readouterr().out)["monte_carlo"]
     assert summary["agrees"] is True
     assert summary["verdict"] == table["verdict"]
+
+
+def test_a_rig_with_boards_is_checked_as_well(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    board = PlanarBoard("chessboard", 6, 5, (30.0, 30.0), scale_std=0.002)
+    rng = np.random.default_rng(7)
+    truth, views = seen_boards(rng, 10, 0.1, 0.2, board, line_points=60)
+    known, folder = rig_of(truth, views), tmp_path / "rig"
+    folder.mkdir()
+    write_rig_toml(folder / "rig.toml", known)
+    write_points(folder / "points.csv", known.observations)
+    path = tmp_path / "c.json"
+    assert main(["calibrate", str(folder), "-o", str(path), "--monte-carlo", "100"]) == 0
+    told = capsys.readouterr()
+    assert "Monte Carlo: 100 trials, 0 refused" in told.out
+    assert "verdict: parameters agree" in told.out
+    found = json.loads(path.read_text())
+    names = [entry["name"] for entry in found["monte_carlo"]["parameters"]]
+    assert names == found["covariance"]["parameters"]
 
 
 def test_too_few_trials_are_refused_before_anything_is_done(

@@ -11,9 +11,10 @@ from sheetoflight.measurement.field_lengths import field_segments
 from sheetoflight.measurement.length import lengths
 from sheetoflight.model.calibration import Calibration, Residuals
 from sheetoflight.model.covariance import Covariance
-from sheetoflight.model.observations import TargetViews
+from sheetoflight.model.observations import Observations
 from sheetoflight.simulation.poses import Recording, recorded
 from sheetoflight.simulation.rig import SimulatedRig, paper_rig
+from tests.calibration.boards import seen_boards
 from tests.calibration.examples import two_lasers
 
 
@@ -29,9 +30,9 @@ def exact(rig: SimulatedRig) -> Calibration:
     )
 
 
-def seen(rig: SimulatedRig, plane: int = 10, crossing: int = 0) -> dict[str, TargetViews]:
+def seen(rig: SimulatedRig, plane: int = 10, crossing: int = 0) -> Observations:
     recording = Recording(0, plane, crossing)
-    return recorded(rig, recording, np.random.default_rng(3)).stages()
+    return recorded(rig, recording, np.random.default_rng(3))
 
 
 def test_segments_have_the_targets_length_and_lie_in_the_picture() -> None:
@@ -49,9 +50,9 @@ def test_segments_have_the_targets_length_and_lie_in_the_picture() -> None:
 
 def test_their_middles_lie_where_targets_were_seen() -> None:
     rig = paper_rig()
-    stages = seen(rig)
-    low, high = stages["plane"].uv.min(axis=(0, 1)), stages["plane"].uv.max(axis=(0, 1))
-    for segment in field_segments(exact(rig), stages):
+    views = seen(rig)
+    low, high = views.plane.uv.min(axis=(0, 1)), views.plane.uv.max(axis=(0, 1))
+    for segment in field_segments(exact(rig), views):
         middle = np.mean(exact(rig).triangulate(segment.uv), axis=0)
         assert (rig.camera.project(middle) > low).all()
         assert (rig.camera.project(middle) < high).all()
@@ -74,7 +75,22 @@ def test_every_laser_has_its_own_and_spots_are_enough() -> None:
         assert len({round(one.value, 6) for one in found}) == 1
 
 
+def test_a_boards_longest_side_where_its_lines_were() -> None:
+    truth, views = seen_boards(np.random.default_rng(3), 6)
+    known, board = replace(exact(truth), target=None), truth.board
+    segments = field_segments(known, Observations(board=views), board)
+    assert len(segments) >= 9
+    low, high = views.line.uv.min(axis=0), views.line.uv.max(axis=0)
+    for segment in segments:
+        one, other = known.triangulate(segment.uv)
+        halved = 200.0 * 0.5 ** np.arange(5)
+        assert np.isclose(np.linalg.norm(other - one), halved).any()
+        middle = truth.camera.project(((one + other) / 2.0)[None])[0]
+        assert (middle > low).all()
+        assert (middle < high).all()
+
+
 def test_no_sheet_seen_or_no_scale_known_gives_none() -> None:
     rig = paper_rig()
-    assert field_segments(exact(rig), {}) == ()
+    assert field_segments(exact(rig), Observations()) == ()
     assert field_segments(replace(exact(rig), target=None), seen(rig)) == ()

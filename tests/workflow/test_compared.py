@@ -86,6 +86,39 @@ def test_maximum_likelihood_reaches_the_bound_and_its_intervals_hold():
             assert length.predicted_mm == pytest.approx(length.bound_mm, rel=0.1)
 
 
+def test_the_older_methods_are_given_the_same_boards_and_stay_far_from_the_bound():
+    options = ComparisonOptions(
+        methods=(
+            "board-planar-lines",
+            "board-cross-ratio",
+            "solid-joint",
+            "solid-cross-ratio",
+            "solid-zigzag",
+        ),
+        pictures=8,
+        trials=2,
+        segments=3,
+        line_points=60,
+    )
+    plan = contest(options)
+    seen = {
+        name: simulated_rigs(plan, CONTESTANTS[name], 0)[0].observations.board
+        for name in options.methods or ()
+    }
+    for one, other in (
+        ("board-planar-lines", "board-cross-ratio"),
+        ("solid-joint", "solid-zigzag"),
+        ("solid-joint", "solid-cross-ratio"),
+    ):
+        assert np.array_equal(seen[one].uv, seen[other].uv)
+        assert np.array_equal(seen[one].line.uv, seen[other].line.uv)
+    for score in compare(options, Execution(processes=2)).scores:
+        assert not score.refused, score.first_refusal
+        assert score.plane_mm < 3.0
+        if score.name != "solid-joint":
+            assert score.bound_share < 1.0
+
+
 def test_errors_grow_with_the_noise():
     """The same draws at twice the noise: errors double but for what is not linear."""
     options = ComparisonOptions(

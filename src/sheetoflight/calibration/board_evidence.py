@@ -22,7 +22,13 @@ from sheetoflight.calibration.lines_on_boards import (
     off_sheet_patterns,
     reduced_lines,
 )
-from sheetoflight.calibration.rig_state import CAMERA, LOCAL_SIZE, RigState, sheet_names
+from sheetoflight.calibration.rig_state import (
+    CAMERA,
+    LOCAL_SIZE,
+    RigState,
+    bend_names,
+    sheet_names,
+)
 from sheetoflight.estimation.block_least_squares import Block
 from sheetoflight.estimation.variance_components import Contrasts, compressed, contrasts
 from sheetoflight.geometry.directions import Array
@@ -68,7 +74,9 @@ class BoardEvidence:
         if not len(views.line) or not len(state.distances):
             return cls(board, views, variances)
         lines = reduced_lines(views.line, state.camera)
-        whitener = _whitener(lines, line_rows(lines, board, state), variances)
+        rows = line_rows(lines, board, state)
+        whole = state.bends is not None or not variances[SHAPE]
+        whitener = _whitener(lines, rows, variances, whole)
         return cls(board, views, variances, lines, whitener)
 
     @cached_property
@@ -100,7 +108,8 @@ class BoardEvidence:
 
     def columns(self, parameters: Sequence[str], state: RigState) -> np.ndarray:
         """Which of all shared parameters move the residuals: the camera's, then the sheets'."""
-        names = (*CAMERA, *(sheet_names(len(state.distances)) if self.lines is not None else ()))
+        count = len(state.distances) if self.lines is not None else 0
+        names = (*CAMERA, *sheet_names(count), *bend_names(count))
         return np.array([parameters.index(n) for n in names if n in parameters], dtype=int)
 
     def errors(self, state: RigState) -> Array:
@@ -121,7 +130,7 @@ class BoardEvidence:
             return corners
         rows = line_rows(self.lines, self.board, state)
         lines = self._line_block(
-            state, parameters, rows, self._pulls(parameters, rows.turns), rows.misses
+            state, parameters, rows, self._pulls(parameters, rows.turns), rows.misses, rows.by_bend
         )
         lines = Block(
             (self.whitener @ lines.residuals[..., None])[..., 0],
@@ -182,22 +191,33 @@ class BoardEvidence:
         rows: LineRows,
         pulls: Array,
         misses: Array,
+        by_bend: Array | None,
     ) -> Block:
         """Residuals of the lines, one group a line, in units of the points' proportions."""
         assert self.lines is not None
-        names = sheet_names(len(state.distances))
+        count = len(state.distances)
         parts = pulls[:, :, :_PARTS]
-        sheets = parts @ rows.by_sheet
-        own = np.zeros((*sheets.shape[:2], len(names)))
-        for k in range(3):
-            own[np.arange(len(own)), :, 3 * self.lines.laser + k] = sheets[..., k]
-        free = [i for i, name in enumerate(names) if name in parameters]
+        shared = [pulls[:, :, _PARTS:]]
+        moves = ((sheet_names(count), parts @ rows.by_sheet), (bend_names(count), by_bend))
+        for names, values in moves:
+            free = [i for i, name in enumerate(names) if name in parameters]
+            if free and values is not None:
+                shared.append(self._of_own_sheet(values, count)[..., free])
         return Block(
             misses,
-            np.concatenate([pulls[:, :, _PARTS:], own[..., free]], axis=2),
+            np.concatenate(shared, axis=2),
             self.columns(parameters, state),
             parts @ rows.by_pose,
         )
+
+    def _of_own_sheet(self, values: Array, count: int) -> Array:
+        """Derivatives ``(L, q, 3)`` by what each line's sheet has three of, in the columns of its
+        sheet ``(L, q, 3 S)``."""
+        assert self.lines is not None
+        own = np.zeros((*values.shape[:2], 3 * count))
+        for k in range(3):
+            own[np.arange(len(own)), :, 3 * self.lines.laser + k] = values[..., k]
+        return own
 
     def contrasts(
         self,
@@ -273,7 +293,8 @@ class BoardEvidence:
             basis = np.linalg.qr(pulls[:, :, :_PARTS])[0]
         turned = np.swapaxes(basis, 1, 2)
         pulls, misses = turned @ pulls, (turned @ rows.misses[..., None])[..., 0]
-        block = self._line_block(state, parameters, rows, pulls, misses)
+        by_bend = None if rows.by_bend is None else turned @ rows.by_bend
+        block = self._line_block(state, parameters, rows, pulls, misses, by_bend)
         parts = pulls[:, :, :_PARTS]
         if size_column is not None:
             columns = np.append(block.columns, size_column)
@@ -339,20 +360,26 @@ def _silenced(block: Block, seen: np.ndarray) -> Block:
     )
 
 
-def _whitener(lines: ReducedLines, rows: LineRows, variances: Array) -> Array:
-    """``(L, q, 17)``: W with ``WᵀW = (θ_stripe I + θ_line T Tᵀ)⁻¹``, T being what a line's ends
-    off the sheet do to its rows. Of lines that wind, only turn and offset say anything: q is 2
-    in place of 17."""
+def _whitener(lines: ReducedLines, rows: LineRows, variances: Array, whole: bool) -> Array:
+    """``(L, q, 17)``: W with ``WᵀW = (θ_stripe I + θ_line T Tᵀ + θ_shape S Sᵀ)⁻¹``, T being what a
+    line's ends off the sheet do to its rows, and S windings. Where not the whole line counts, only
+    turn and offset say anything: q is 2 in place of 17."""
     size = lines.roots.shape[-1]
     parts = lines.roots[:, :, :RAY] @ rows.turns
-    basis = np.linalg.qr(parts)[0] if variances[SHAPE] else np.eye(size)
+    basis = np.eye(size) if whole else np.linalg.qr(parts)[0]
     kept = np.swapaxes(basis, -1, -2)
-    if not variances[LINE]:
+    winding = variances[SHAPE] if whole else 0.0
+    if not variances[LINE] and not winding:
         whitener = kept / np.sqrt(variances[STRIPE])
         return np.broadcast_to(whitener, (len(lines), *whitener.shape[-2:]))
-    moved = kept @ parts @ off_sheet_patterns(lines, rows)
-    covariance = variances[LINE] * moved @ np.swapaxes(moved, 1, 2)
-    covariance += variances[STRIPE] * np.eye(covariance.shape[-1])
+    covariance = variances[STRIPE] * np.eye(kept.shape[-2])
+    for variance, moved in (
+        (variances[LINE], parts @ off_sheet_patterns(lines, rows)),
+        (winding, lines.shapes),
+    ):
+        if variance:
+            moved = kept @ moved
+            covariance = covariance + variance * moved @ np.swapaxes(moved, 1, 2)
     return np.linalg.inv(np.linalg.cholesky(covariance)) @ kept
 
 

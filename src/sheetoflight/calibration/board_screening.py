@@ -26,7 +26,7 @@ from sheetoflight.calibration.wrong_points import FALSE_ALARM
 from sheetoflight.errors import UntrustworthyError
 from sheetoflight.estimation.block_least_squares import Solution
 from sheetoflight.geometry.directions import Array
-from sheetoflight.model.board import PlanarBoard
+from sheetoflight.model.board import Board, PlanarBoard
 from sheetoflight.model.board_views import BoardViews, LinePixels
 from sheetoflight.model.camera import Camera
 from sheetoflight.model.rig import Rig
@@ -43,6 +43,9 @@ _PRINTED = 0.2
 
 _PLENTY = 50
 """Points of a line on the pattern that tell which way it goes on beside it."""
+
+_ON_EDGE = 0.1
+"""Distance from a line of the pattern, in pitches, within which a line runs along it."""
 
 _SHOWN = 5
 """Names that are listed one by one."""
@@ -206,7 +209,8 @@ def _in_the_sheets(rig: Rig, state: RigState) -> tuple[Rig, tuple[str, ...]]:
         return rig, ()
     rays, poses = state.camera.unproject(line.uv), state.poses["board"]
     points = on_faces(rays, *faces_in_space(rig.board, poses, line.view, line.face))
-    printed = on_printed_part(rig, line, _in_board_frame(poses[line.view], points))
+    points = _in_board_frame(poses[line.view], points)
+    printed = on_printed_part(rig, line, points)
     focal = 0.5 * (state.camera.alpha + state.camera.beta)
     kept = np.zeros(len(line), dtype=bool)
     lost: list[str] = []
@@ -214,9 +218,13 @@ def _in_the_sheets(rig: Rig, state: RigState) -> tuple[Rig, tuple[str, ...]]:
         lines = [own for own in line.groups() if line.laser[own[0]] == laser]
         # on its pattern the board is sure to be, beside it only the others can tell
         groups = [_from_the_pattern(own, focal * rays[own, :2], printed[own]) for own in lines]
-        pieces = cut_into_pieces(
+        cuts = cut_into_pieces(
             [rays[own, :2] for own in groups], focal, [printed[own] for own in groups]
         )
+        pieces = [
+            [piece for piece in cut if not _is_printed_edge(rig.board, points[own[piece.points]])]
+            for own, cut in zip(groups, cuts, strict=True)
+        ]
         firsts = line.take(np.array([own[0] for own in groups]))
         faces = faces_in_space(rig.board, poses, firsts.view, firsts.face)
         chosen = agreed_pieces(pieces, FacePlanes(*faces), focal, len(views))
@@ -230,6 +238,18 @@ def _in_the_sheets(rig: Rig, state: RigState) -> tuple[Rig, tuple[str, ...]]:
         reduced_lines(left, state.camera, rays[kept])
     words = (_lost_lines(lost, bool(kept.any())),) if lost else ()
     return with_board_views(rig, replace(views, line=left)), words
+
+
+def _is_printed_edge(board: Board, points: Array) -> bool:
+    """Whether points ``(K, 3)`` of a line, in the board's frame, run along a line of its pattern:
+    what a picture without laser light shows best. They agree on a sheet, for boards held alike."""
+    if not isinstance(board, PlanarBoard):
+        return False
+    places = points[:, :2] / board.pitch_mm
+    low, high = np.quantile(places, [0.05, 0.95], axis=0)
+    middle, spread = np.median(places, axis=0), high - low
+    aligned = (np.abs(middle - np.rint(middle)) < _ON_EDGE) & (spread < 2.0 * _ON_EDGE)
+    return bool((aligned & (spread[::-1] > 1.0)).any())
 
 
 def _from_the_pattern(own: np.ndarray, points: Array, printed: np.ndarray) -> np.ndarray:

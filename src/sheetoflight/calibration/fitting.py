@@ -208,15 +208,19 @@ def _with_components(fit: Fit, free: np.ndarray, stage: str) -> Fit:
     """Residuals tell the noise, the noise weighs the residuals, until both agree."""
     rig, noise, adjustment, solution = fit.rig, fit.noise, fit.adjustment, fit.solution
     start = _first_sizes(fit, free)
+    curved = fit.state.bends is not None
     if free[list(_OFFSETS)].any():
-        free = free & _asked_for(fit, start, free)
+        # a curved sheet is seldom of second order only: what is left winds all lines
+        free = free & (_asked_for(fit, start, free) | (curved & _IS_SHAPE))
         if not noise.placed_off and free.sum() == 1 and adjustment.boards is None:
             return _with_one_component(fit, int(np.argmax(free)))
         if not free.any():
             return fit
     variances, start = noise.variances, _first_offsets(fit, start, free)
-    if free[SHAPE]:
-        return _with_components(_of_winding_lines(fit, start, free), free & ~_IS_SHAPE, stage)
+    if free[SHAPE] and not curved:
+        straight, wound = _of_winding_lines(fit, start, free)
+        settled_fit = _with_components(straight, free & ~_IS_SHAPE, stage)
+        return replace(settled_fit, size_covariance=settled_fit.size_covariance + wound)
     spread = _NOTHING
     acting, groups = _acting(adjustment), fit.contrasts
     for _ in range(_NOISE_ROUNDS):
@@ -246,17 +250,19 @@ def _alike(sizes: Array, others: Array) -> bool:
     return bool(np.ptp(0.5 * np.log(sizes[there] / others[there])) <= _SETTLED)
 
 
-def _of_winding_lines(fit: Fit, start: Array, free: np.ndarray) -> Fit:
-    """The fit in which lines say no more than where they are and which way they run: how much
-    they wind, is told beside it."""
+def _of_winding_lines(fit: Fit, start: Array, free: np.ndarray) -> tuple[Fit, Array]:
+    """The fit in which lines say no more than where they are and which way they run; and how well
+    it is known how much they wind."""
+    wound = _NOTHING.copy()
     with suppress(np.linalg.LinAlgError):
-        start = variance_components(fit.contrasts, fit.adjustment.shared_size, start, free).sizes
+        found = variance_components(fit.contrasts, fit.adjustment.shared_size, start, free)
+        start, wound[SHAPE, SHAPE] = found.sizes, found.covariance[SHAPE, SHAPE]
     start = np.where(_IS_SHAPE, np.maximum(start, np.finfo(float).tiny), start)
     noise = replace(fit.noise.with_variances(start), free=fit.noise.free & ~_IS_SHAPE)
     stages, parameters = fit.adjustment.stages, fit.adjustment.parameters
     adjustment = noise.adjustment(fit.rig, stages, parameters, fit.state)
     solution = settled(adjustment, fit.state, "board")
-    return Fit(fit.rig, adjustment, solution, noise, _NOTHING)
+    return Fit(fit.rig, adjustment, solution, noise, _NOTHING), wound
 
 
 def _first_sizes(fit: Fit, free: np.ndarray) -> Array:

@@ -44,6 +44,7 @@ with the seventh power."""
 
 _NODES = np.cos(np.pi * (np.arange(_DEGREES) + 0.5) / _DEGREES)
 _TO_LEGENDRE = np.linalg.inv(legvander(_NODES, _DEGREES - 1))
+_AT_NODES = legvander(_NODES, 1)
 _SHAPES_AT_NODES = legvander(_NODES, max(SHAPES))[:, SHAPES] * np.sqrt(2 * np.array(SHAPES) + 1)
 
 _NEGLIGIBLE = 1e-3
@@ -68,6 +69,10 @@ class ReducedLines:
         The fitted line ℓ̂ that the derivatives were taken across.
     ends : (L, 2, 3) array
         Rays of the line's ends.
+    nodes : (L, 10, 3) array
+        Rays of ten places along the line.
+    steep : (L, 10) array
+        g at these.
     """
 
     camera: Camera
@@ -79,6 +84,8 @@ class ReducedLines:
     roots: Array
     lines: Array
     ends: Array
+    nodes: Array
+    steep: Array
 
     def __len__(self) -> int:
         return len(self.view)
@@ -115,6 +122,8 @@ class LineRows:
         The same by the relative size of the board.
     turns : (L, 3, 2) array
         The line's changes that those parts stand for.
+    by_bend : (L, 17, 3) array, optional
+        How the misses move with the bend of the laser's sheet.
     """
 
     bent: Array
@@ -123,6 +132,7 @@ class LineRows:
     by_pose: Array
     by_size: Array
     turns: Array
+    by_bend: Array | None = None
 
 
 _LATEST: WeakKeyDictionary[LinePixels, ReducedLines] = WeakKeyDictionary()
@@ -152,7 +162,8 @@ def _reduced(line: LinePixels, camera: Camera, rays: Array) -> ReducedLines:
     fits = [_fitted(rays[own, 0], rays[own, 1], line.proportions[own]) for own in groups]
     lines = np.array([fit.line for fit in fits]).reshape(-1, RAY)
     reach = np.array([(fit.middle, fit.half) for fit in fits]).reshape(-1, 2)
-    turned = _turned_into_columns(camera, lines, reach)
+    nodes = _feet(lines, reach[:, :1] + reach[:, 1:] * _NODES)
+    turned, steep = _turned_into_columns(camera, lines, reach, nodes)
     products = [t.T @ fit.products(slow) @ t for fit, (slow, t) in zip(fits, turned, strict=True)]
     roots = _roots(np.array(products).reshape(len(fits), _COLUMNS, _COLUMNS))
     roots[:, :, :RAY] = roots[:, :, :RAY] @ np.swapaxes(_frames(lines), 1, 2)
@@ -168,6 +179,8 @@ def _reduced(line: LinePixels, camera: Camera, rays: Array) -> ReducedLines:
         roots=roots,
         lines=lines,
         ends=_feet(lines, reach[:, :1] + reach[:, 1:] * np.array([-1.0, 1.0])),
+        nodes=nodes,
+        steep=steep,
     )
 
 
@@ -222,16 +235,17 @@ def _feet(lines: Array, along: Array) -> Array:
     return np.concatenate([points, np.ones((*along.shape, 1))], axis=2)
 
 
-def _turned_into_columns(camera: Camera, lines: Array, reach: Array) -> list[tuple[Array, Array]]:
+def _turned_into_columns(
+    camera: Camera, lines: Array, reach: Array, feet: Array
+) -> tuple[list[tuple[Array, Array]], Array]:
     """For each line the coefficients of 1/g, and the matrix ``(11, 17)`` that makes of
     `_FittedLine.products`' columns those of Z: place along the line, distance from it, 1, the
-    camera's parameters, and the windings.
+    camera's parameters, and the windings; and g at the feet ``(L, 10)``.
 
     g and the derivatives by the camera are taken at the feet of the points on their line: a
     point's noise is a number of pixels, which no change of the camera makes smaller. So they
     are smooth along the line, and known from ten places.
     """
-    feet = _feet(lines, reach[:, :1] + reach[:, 1:] * _NODES)
     _, by_point, by_parameter = camera.project_with_jacobians(feet)
     right = np.broadcast_to(lines[:, None, :2, None], (*feet.shape[:2], 2, 1))
     slope = np.linalg.solve(np.swapaxes(by_point[..., :2], 2, 3), right)[..., 0]
@@ -247,7 +261,7 @@ def _turned_into_columns(camera: Camera, lines: Array, reach: Array) -> list[tup
         turned[1:, RAY:_FIRST_SHAPE] = by_camera[number]
         turned[1:, _FIRST_SHAPE:] = windings[number]
         found.append((slow[number], turned))
-    return found
+    return found, steep
 
 
 def _frames(lines: Array) -> Array:
@@ -302,7 +316,45 @@ def line_rows(reduced: ReducedLines, board: Board, state: RigState) -> LineRows:
     )
     by_sheet, by_pose, by_size = (_parts(c * scale[:, None, None], bent) for c in changes)
     misses = (reduced.roots @ change[..., None])[..., 0]
-    return LineRows(bent, misses, by_sheet, by_pose, by_size, free_parts(bent))
+    by_bend = None
+    if state.bends is not None:
+        by_bend = -reduced.roots @ _bent_away(reduced, state, scale, face, offset)
+        misses = misses + np.einsum("lqk,lk->lq", by_bend, state.bends.per_mm[reduced.laser])
+    return LineRows(bent, misses, by_sheet, by_pose, by_size, free_parts(bent), by_bend)
+
+
+def _bent_away(
+    reduced: ReducedLines, state: RigState, scale: Array, face: Array, offset: Array
+) -> Array:
+    """``(L, 17, 3)``: what in the reduced columns a bend of 1/mm of the sheet does to the lines.
+
+    Where the sheet is h above its plane, its image misses the plane's line by ``h (m · r)``, in
+    the units of ``ℓ · r``. That is smooth along the line: a polynomial, whose first two degrees
+    are an offset and a turn, and the others windings.
+    """
+    assert state.bends is not None
+    rays = reduced.nodes
+    depth = np.einsum("lki,li->lk", rays, face)
+    points = rays * (offset[:, None] / depth)[..., None] - state.bends.centres[reduced.laser, None]
+    x, y = np.moveaxis(points @ state.frames[reduced.laser][:, :, :2], 2, 0)
+    heights = np.stack([0.5 * x * x, x * y, 0.5 * y * y], axis=2)
+    off = heights * (scale[:, None] * depth)[..., None]
+    design = np.concatenate(
+        [
+            np.broadcast_to(_AT_NODES, (len(rays), *_AT_NODES.shape)),
+            reduced.steep[..., None] * _SHAPES_AT_NODES,
+        ],
+        axis=2,
+    )
+    parts = np.linalg.pinv(design) @ off
+    along = np.stack([reduced.lines[:, 1], -reduced.lines[:, 0]], axis=1)
+    low, high = (np.einsum("li,li->l", reduced.ends[:, e, :2], along) for e in (0, 1))
+    turn = parts[:, 1] * (2.0 / (high - low))[:, None]
+    away = np.zeros((len(rays), _COLUMNS, 3))
+    away[:, :2] = along[:, :, None] * turn[:, None]
+    away[:, 2] = parts[:, 0] - (0.5 * (high + low))[:, None] * turn
+    away[:, _FIRST_SHAPE:] = parts[:, 2:]
+    return away
 
 
 def free_parts(line: Array) -> Array:

@@ -4,11 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
+from functools import partial
 
 import numpy as np
 
 from sheetoflight.calibration.board_screening import screened_boards
 from sheetoflight.calibration.components import CORNER, PIXEL
+from sheetoflight.calibration.control_forms import FORMS
+from sheetoflight.calibration.control_point_method import by_control_points
 from sheetoflight.calibration.fitting import Fit
 from sheetoflight.calibration.joint_method import joint
 from sheetoflight.calibration.match_methods import (
@@ -32,9 +35,17 @@ from sheetoflight.model.rig import Rig
 
 @dataclass(frozen=True)
 class CalibrationOptions:
-    """Settings of the methods that have any."""
+    """Settings of the methods that have any.
+
+    Parameters
+    ----------
+    paper : PaperOptions
+    flat : bool
+        Method joint: sheets are planes, even where lines on boards show that they are curved.
+    """
 
     paper: PaperOptions = field(default_factory=PaperOptions)
+    flat: bool = False
 
 
 Method = Callable[[Screened, NoiseModel, CalibrationOptions], Outcome]
@@ -43,10 +54,19 @@ Method = Callable[[Screened, NoiseModel, CalibrationOptions], Outcome]
 CAMERA_FREE = "camera-free"
 """The method that knows no camera, and so gives another kind of result."""
 
+
+def _by_form(name: str, found: Screened, noise: NoiseModel, _: CalibrationOptions) -> Outcome:
+    """By a closed form of this name."""
+    return by_control_points(found, noise, name)
+
+
 METHODS: Mapping[str, Method] = {
-    "joint": lambda found, noise, _: joint(found.rig, noise, found.fit, found.start),
+    "joint": lambda found, noise, options: joint(
+        found.rig, noise, found.fit, found.start, options.flat
+    ),
     "two-step": lambda found, noise, _: two_step(found.rig, noise, found.fit, found.start),
     "paper": lambda found, noise, options: paper(_rod_alone(found.rig), noise, options.paper),
+    **{name: partial(_by_form, name) for name in FORMS},
 }
 
 
@@ -59,10 +79,13 @@ def calibrate(
     ----------
     rig : Rig
         Target, picture size, lens model and observations.
-    method : {"joint", "two-step", "paper", "rotating-camera", "moving-camera"}
+    method : str
         ``joint``: everything in one maximum-likelihood adjustment. ``two-step``: the camera
         first, then maximum likelihood on the sheet. ``paper``: the camera first, then each
         target position triangulated, RANSAC, and a genetic search for the plane.
+        ``planar-lines``, ``cross-ratio``, ``zigzag``: the camera from the boards first, then the
+        plane through the line's points on them, through its crossings with rows of known points,
+        or through its spots on the ridges of a solid body.
         ``rotating-camera`` and ``moving-camera``: the camera alone, from matched points.
         `calibration.camera_free_method.camera_free` needs no camera.
     options : CalibrationOptions, optional

@@ -200,15 +200,19 @@ def _refuse_too_many(decisions: Mapping[str, Decision], stages: Mapping[str, Tar
 
 
 def _taken(state: RigState, whole: Mapping[str, np.ndarray]) -> RigState:
-    return replace(state, poses={s: p[whole[s]] for s, p in state.poses.items() if s in whole})
+    """The state of the views that take part; of boards, all do."""
+    poses = {s: p[whole[s]] if s in whole else p for s, p in state.poses.items()}
+    return replace(state, poses=poses)
 
 
 def _returned(old: RigState, new: RigState, whole: Mapping[str, np.ndarray]) -> RigState:
     """The new state, with the poses of views that took no part as they were."""
     poses = dict(old.poses)
     for stage, fitted_poses in new.poses.items():
-        poses[stage] = old.poses[stage].copy()
-        poses[stage][whole[stage]] = fitted_poses
+        poses[stage] = fitted_poses
+        if stage in whole:
+            poses[stage] = old.poses[stage].copy()
+            poses[stage][whole[stage]] = fitted_poses
     return replace(new, poses=poses)
 
 

@@ -11,7 +11,9 @@ import numpy as np
 from sheetoflight.geometry.directions import Array, moved
 from sheetoflight.geometry.rotations import rotation
 from sheetoflight.model.camera import Camera
+from sheetoflight.model.covariance import CURVATURE_PARTS
 from sheetoflight.model.light_plane import LightPlane
+from sheetoflight.model.sheet_curvature import SheetCurvature
 
 CAMERA = tuple(f"camera.{name}" for name in Camera.PARAMETERS)
 ANCHOR = ("anchor.x", "anchor.y", "anchor.z")
@@ -27,9 +29,31 @@ def sheet_names(count: int) -> tuple[str, ...]:
     return tuple(f"sheet{index}.{part}" for index in range(count) for part in SHEET_PARTS)
 
 
+@lru_cache
+def bend_names(count: int) -> tuple[str, ...]:
+    """Shared-parameter names of the bends of ``count`` sheets, numbered from 0."""
+    return tuple(f"sheet{index}.{part}" for index in range(count) for part in CURVATURE_PARTS)
+
+
 def intrinsic_names(names: Sequence[str]) -> tuple[str, ...]:
     """Shared-parameter names of camera parameters, in `Camera.PARAMETERS` order."""
     return tuple(f"camera.{name}" for name in Camera.PARAMETERS if name in names)
+
+
+@dataclass(frozen=True)
+class SheetBends:
+    """How sheets bend away from their planes; their axes are those of `RigState.frames`.
+
+    Parameters
+    ----------
+    centres : (L, 3) array
+        The points of the planes about which they bend, mm.
+    per_mm : (L, 3) array
+        ``kxx, kxy, kyy`` of `SheetCurvature`, 1/mm.
+    """
+
+    centres: Array
+    per_mm: Array
 
 
 @dataclass(frozen=True)
@@ -49,6 +73,8 @@ class RigState:
         ``camera``: directions t ``(N, 3)``; ``plane``: x, y in mm and ψ in radians ``(N, 3)``;
         ``crossing``: the target's middle in mm and its direction ``(N, 6)``; ``board``:
         camera_from_target ``[R t]`` ``(N, 3, 4)``, t in mm.
+    bends : SheetBends, optional
+        Of curved sheets; all are flat where absent.
     """
 
     camera: Camera
@@ -56,15 +82,22 @@ class RigState:
     frames: Array
     distances: Array
     poses: Mapping[str, Array]
+    bends: SheetBends | None = None
 
     def light_planes(self, names: Sequence[str]) -> tuple[LightPlane, ...]:
         """The sheets, their normals turned to point away from the camera."""
         return tuple(
-            LightPlane(frame[:, 2] * sign, abs(float(distance)), name)
-            for name, frame, distance, sign in zip(
-                names, self.frames, self.distances, self.signs, strict=True
+            LightPlane(frame[:, 2] * sign, abs(float(distance)), name, curvature)
+            for name, frame, distance, sign, curvature in zip(
+                names, self.frames, self.distances, self.signs, self._curvatures(), strict=True
             )
         )
+
+    def _curvatures(self) -> list[SheetCurvature | None]:
+        if self.bends is None:
+            return [None] * len(self.distances)
+        bends = zip(self.bends.centres, self.frames, self.bends.per_mm, self.signs, strict=True)
+        return [SheetCurvature(c, frame[:, :2], sign * k) for c, frame, k, sign in bends]
 
     @property
     def signs(self) -> Array:
@@ -98,7 +131,14 @@ class RigState:
             frames=rotation(turns) @ self.frames,
             distances=self.distances + steps[:, 2],
             poses=poses,
+            bends=self._bent(shared),
         )
+
+    def _bent(self, shared: Mapping[str, float]) -> SheetBends | None:
+        if self.bends is None:
+            return None
+        steps = _steps(shared, bend_names(len(self.distances))).reshape(-1, 3)
+        return replace(self.bends, per_mm=self.bends.per_mm + steps)
 
 
 def _steps(shared: Mapping[str, float], names: Sequence[str]) -> Array:

@@ -25,10 +25,16 @@ from sheetoflight.calibration.components import (
 )
 from sheetoflight.calibration.fitting import Fit, undetermined
 from sheetoflight.calibration.printed_points import PrintErrors, by_printed_point, print_errors
-from sheetoflight.calibration.rig_state import CAMERA, RigState, sheet_names
+from sheetoflight.calibration.rig_state import CAMERA, RigState, bend_names, sheet_names
 from sheetoflight.geometry.directions import Array
 from sheetoflight.model.board import Board
-from sheetoflight.model.covariance import PLANE_PARTS, Covariance, NoiseComponents, Source
+from sheetoflight.model.covariance import (
+    CURVATURE_PARTS,
+    PLANE_PARTS,
+    Covariance,
+    NoiseComponents,
+    Source,
+)
 from sheetoflight.model.target import CollinearTarget
 
 STAGE_SOURCES = {"camera": "camera", "plane": "sheet", "crossing": "crossing"}
@@ -52,7 +58,7 @@ class Influence:
     Parameters
     ----------
     names : tuple of str
-        The P shared parameters, of `CAMERA` and `sheet_names`.
+        The P shared parameters, of `CAMERA`, `sheet_names` and `bend_names`.
     noise : tuple of (source, component, (P, P) array)
         Shares of the covariance that come from noise; the component is None where its size was
         stated.
@@ -215,14 +221,21 @@ def _print_sources(change: Array, influence: Influence, board: Board | None) -> 
 def _public(
     names: Sequence[str], state: RigState, lasers: Sequence[str]
 ) -> tuple[tuple[str, ...], Array]:
+    """The parameters' public names, and how these move with them."""
+    count = len(lasers)
     intrinsics = [name for name in names if name in CAMERA]
-    sheets = [name for name in sheet_names(len(lasers)) if name in names]
-    change = np.zeros((len(intrinsics) + 4 * len(sheets) // 3, len(names)))
-    change[: len(intrinsics), : len(intrinsics)] = np.eye(len(intrinsics))
-    row, column = len(intrinsics), len(intrinsics)
-    for frame, sign in zip(state.frames, state.signs, strict=True):
-        change[row : row + 3, column : column + 2] = sign * frame[:, :2]
-        change[row + 3, column + 2] = sign
-        row, column = row + 4, column + 3
-    planes = [f"{laser}.{part}" for laser in lasers for part in PLANE_PARTS]
-    return (*intrinsics, *planes), change
+    told = list(intrinsics)
+    change = [np.eye(len(names))[names.index(name)] for name in intrinsics]
+    for index, (laser, sign) in enumerate(zip(lasers, state.signs, strict=True)):
+        sheet = sheet_names(count)[3 * index : 3 * index + 3]
+        if sheet[0] in names:
+            told += [f"{laser}.{part}" for part in PLANE_PARTS]
+            moved = np.zeros((4, len(names)))
+            moved[:3, [names.index(n) for n in sheet[:2]]] = sign * state.frames[index][:, :2]
+            moved[3, names.index(sheet[2])] = sign
+            change += list(moved)
+        bend = bend_names(count)[3 * index : 3 * index + 3]
+        if bend[0] in names:
+            told += [f"{laser}.{part}" for part in CURVATURE_PARTS]
+            change += [sign * np.eye(len(names))[names.index(name)] for name in bend]
+    return tuple(told), np.array(change).reshape(len(told), len(names))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -33,13 +33,15 @@ from sheetoflight.errors import InputError
 from sheetoflight.estimation.genetic import GeneticOptions
 from sheetoflight.measurement.monte_carlo import MonteCarloOptions
 from sheetoflight.model.calibration import Calibration, SheetCalibration
-from sheetoflight.model.covariance import PLANE_PARTS, SHEET_MAP_PARTS
+from sheetoflight.model.covariance import SHEET_MAP_PARTS
+from sheetoflight.model.light_plane import LightPlane
 from sheetoflight.report.budget import budget_table, parameter_budgets
 from sheetoflight.report.noise import noise_rows
 from sheetoflight.report.numbers import parameter_unit, rounded
+from sheetoflight.workflow.boards import missed_boards
 from sheetoflight.workflow.calibrated import calibrate as calibrate_rig
 from sheetoflight.workflow.calibrated import with_camera
-from sheetoflight.workflow.rig_folder import load_rig
+from sheetoflight.workflow.rig_folder import POINTS, load_rig
 
 _GENETIC = GeneticOptions()
 _PAPER = PaperOptions()
@@ -51,7 +53,15 @@ def calibrate(
     *,
     output: Annotated[Path, Parameter(name=("--output", "-o"))] = Path("calibration.json"),
     method: Literal[
-        "joint", "two-step", "paper", "camera-free", "rotating-camera", "moving-camera"
+        "joint",
+        "two-step",
+        "paper",
+        "planar-lines",
+        "cross-ratio",
+        "zigzag",
+        "camera-free",
+        "rotating-camera",
+        "moving-camera",
     ] = "joint",
     camera: Path | None = None,
     json: AsJson = False,
@@ -60,6 +70,7 @@ def calibrate(
     generations: int = _GENETIC.generations,
     threshold: float = _PAPER.threshold_mm,
     monte_carlo: int | None = None,
+    flat: bool = False,
 ) -> None:
     """Calibrate camera and sheet of light from a rig folder.
 
@@ -71,10 +82,13 @@ def calibrate(
         Where to write the calibration.
     method
         joint: everything in one adjustment. two-step: the camera first, then the sheet.
-        paper: triangulation, RANSAC and a genetic search, as in the paper. camera-free: from
-        in-plane views alone, for lengths on the sheet. rotating-camera, moving-camera: the camera
-        alone, without any target, from points matched between pictures of a camera that only
-        turned, or was carried about (stage match of points.csv).
+        paper: triangulation, RANSAC and a genetic search, as in the paper. planar-lines,
+        cross-ratio, zigzag: the camera from the boards first, then a plane through the line's
+        points on them, through its crossings with rows of known points, or through its spots on
+        the ridges of a solid body. camera-free: from in-plane views alone, for lengths on the
+        sheet. rotating-camera, moving-camera: the camera alone, without any target, from points
+        matched between pictures of a camera that only turned, or was carried about (stage match
+        of points.csv).
     camera
         The camera, where it is known already: a calibration.json, or a file of OpenCV, ROS,
         Kalibr, HALCON or Bouguet's toolbox. It is held, and its uncertainty carried on.
@@ -92,10 +106,12 @@ def calibrate(
         Re-simulate the rig from the result and calibrate it again so many times, 100 or more, and
         compare the spread of parameters and lengths with the stated uncertainties. 1000 take
         about a quarter of a minute on two cores (method paper: far longer).
+    flat
+        Fit planes even where the lines on boards show that a sheet is curved (method joint; the
+        others know planes only).
     """
-    options = CalibrationOptions(
-        PaperOptions(threshold_mm=threshold, genetic=GeneticOptions(population, generations, seed))
-    )
+    genetic = GeneticOptions(population, generations, seed)
+    options = CalibrationOptions(PaperOptions(threshold_mm=threshold, genetic=genetic), flat)
     check = None if monte_carlo is None else MonteCarloOptions(monte_carlo, seed)
     refuse_to_overwrite(output, ())
     with on_all_cores() as run:
@@ -116,6 +132,8 @@ def calibrate(
             )
         else:
             calibration = calibrate_and_check(rig, method, options, check, run)
+        missed = () if (folder / POINTS).exists() else missed_boards(folder, rig, run)
+    calibration = replace(calibration, warnings=(*missed, *calibration.warnings))
     calibration.save(output)
     for warning in calibration.warnings:
         warn(warning)
@@ -174,10 +192,7 @@ def _tell_sheets(calibration: SheetCalibration, output: Path, json: bool) -> Non
 def calibration_summary(calibration: Calibration) -> dict[str, Any]:
     """The numbers that a program asks for first; all else stands in the file."""
     covariance = calibration.covariance
-    planes = [
-        {"name": plane.name, "normal": plane.normal.tolist(), "distance_mm": plane.distance_mm}
-        for plane in calibration.light_planes
-    ]
+    planes = [_plane_summary(plane) for plane in calibration.light_planes]
     opinion = calibration.second_opinion
     return {
         "method": calibration.method,
@@ -198,6 +213,15 @@ def calibration_summary(calibration: Calibration) -> dict[str, Any]:
         **({"second_opinion": second_opinion_summary(opinion)} if opinion else {}),
         "warnings": list(calibration.warnings),
     }
+
+
+def _plane_summary(plane: LightPlane) -> dict[str, Any]:
+    told = {"name": plane.name, "normal": plane.normal.tolist(), "distance_mm": plane.distance_mm}
+    if plane.curvature is None:
+        return told
+    bend = plane.curvature
+    parts = {"centre": bend.centre, "axes": bend.axes, "per_mm": bend.per_mm}
+    return told | {"curvature": {name: values.tolist() for name, values in parts.items()}}
 
 
 def tell_calibration(calibration: Calibration) -> None:
@@ -225,17 +249,13 @@ def _estimates(calibration: Calibration) -> Table:
         ("value", "standard uncertainty", "unit"),
     )
     camera = calibration.camera
-    owned = [("camera", camera.PARAMETERS, camera.parameters)]
-    owned += [
-        (plane.name, PLANE_PARTS, (*plane.normal, plane.distance_mm))
-        for plane in calibration.light_planes
-    ]
-    for owner, parts, values in owned:
-        for part, value in zip(parts, values, strict=True):
-            name = f"{owner}.{part}"
-            if name in calibration.covariance.parameters:
-                std = calibration.covariance.std(name)
-                table.add_row(escape(name), *rounded(float(value), std), parameter_unit(name))
+    values = {f"camera.{p}": v for p, v in zip(camera.PARAMETERS, camera.parameters, strict=True)}
+    for plane in calibration.light_planes:
+        values |= plane.parameters
+    for name, value in values.items():
+        if name in calibration.covariance.parameters:
+            std = calibration.covariance.std(name)
+            table.add_row(escape(name), *rounded(float(value), std), parameter_unit(name))
     return table
 
 

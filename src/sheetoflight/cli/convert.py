@@ -11,10 +11,13 @@ from sheetoflight.cli.telling import AsJson, refuse_to_overwrite, tell, tell_jso
 from sheetoflight.errors import InputError
 from sheetoflight.io.calibration_json import read_calibration, write_calibration
 from sheetoflight.io.exchange import (
+    Corners,
     Exchanged,
     exchange_format,
     is_calibration,
+    read_corners,
     read_exchange,
+    write_corners,
     write_exchange,
 )
 from sheetoflight.io.quoting import file_name
@@ -23,6 +26,7 @@ from sheetoflight.model.calibration import Calibration
 Format = Literal["opencv", "ros", "kalibr", "halcon", "bouguet"]
 
 _OURS = "calibration.json"
+_POINTS = "points.csv"
 
 
 def convert(
@@ -47,7 +51,8 @@ def convert(
         which of them it is, its content tells.
     output
         Where to write. Its ending names the format where only one has it: .xml opencv,
-        .mat bouguet, .dat halcon, .json a calibration.json.
+        .mat bouguet, .dat halcon, .json a calibration.json. .csv: a points.csv with the corners
+        that Bouguet's toolbox keeps in calib_data.mat; what rig.toml needs beside it is told.
     to
         The format to write, where the ending .yaml or .yml leaves it open, or .json means OpenCV's.
     image_size
@@ -65,6 +70,14 @@ def convert(
         Print format and notes as JSON.
     """
     refuse_to_overwrite(output, [input, *([pose] if pose else [])])
+    if to is None and output.suffix.lower() == ".csv":
+        if any(choice is not None for choice in (image_size, camera, pose, pixel_std)):
+            raise InputError(
+                f"a {_POINTS} holds corners, and no camera",
+                "leave --image-size, --camera, --pose and --pixel-std out",
+            )
+        _convert_corners(input, output, json)
+        return
     ours = is_calibration(input)
     target = _target(output, to, ours)
     if ours:
@@ -126,6 +139,44 @@ def _written_as_ours(
     calibration = source.as_calibration(pixel_std)
     write_calibration(output, calibration)
     return calibration.warnings
+
+
+def _convert_corners(path: Path, output: Path, as_json: bool) -> None:
+    corners = read_corners(path)
+    write_corners(output, corners)
+    board, size = corners.board, corners.image_size
+    if as_json:
+        known = {"kind": board.kind, "columns": board.columns, "rows": board.rows}
+        known["pitch_mm"] = list(board.pitch_mm)
+        document = {"from": "bouguet", "to": _POINTS, "output": str(output)}
+        document |= {"views": list(corners.views.names), "corners": int(corners.views.seen.sum())}
+        tell_json(document | {"board": known, "image_size": size, "notes": [_NO_LINE]})
+        return
+    warn(_NO_LINE)
+    tell(
+        f"bouguet written to {output} as {_POINTS}: {int(corners.views.seen.sum())} corners in "
+        f"{len(corners.views)} views"
+    )
+    tell(f"beside it, as {_POINTS} of a rig folder, rig.toml needs:\n\n{_rig_lines(corners)}")
+
+
+_NO_LINE = (
+    "corners alone give a camera and no sheet of light – add the points of the line to it, rows "
+    "with marker laser, or hold this camera in the calibration of the sheet with --camera"
+)
+
+
+_NO_SIZE = "# image_size = [width, height]: the file does not say it"
+
+
+def _rig_lines(corners: Corners) -> str:
+    """What the file knows of ``rig.toml``."""
+    board, size = corners.board, corners.image_size
+    said = f"image_size = {list(size)}" if size else _NO_SIZE
+    return (
+        f'[board]\nkind = "{board.kind}"\ncolumns = {board.columns}\nrows = {board.rows}\n'
+        f"pitch_mm = {list(board.pitch_mm)}\n\n[camera]\n{said}"
+    )
 
 
 def _report(

@@ -53,7 +53,9 @@ hold, and how far a fitted lens model is off, is told.
 
 Example: sol convert calibration.json camera.yaml --to ros
 
-Example: sol convert campar.dat calibration.json --pose lightplane.dat --pixel-std 0.1""",
+Example: sol convert campar.dat calibration.json --pose lightplane.dat --pixel-std 0.1
+
+Example: sol convert calib_data.mat rig/points.csv""",
     "measure": """Lengths with their 95 % intervals, from segments.csv or from pictures.
 
 Between the image points of a segments.csv, or between the ends of each piece of the laser line in

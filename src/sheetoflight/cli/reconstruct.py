@@ -35,6 +35,7 @@ from sheetoflight.io.lines_csv import LINE_COLUMNS, line_row, write_lines
 from sheetoflight.io.pictures import in_order_of_names
 from sheetoflight.io.quoting import file_name
 from sheetoflight.measurement.straightness import SpaceLine
+from sheetoflight.measurement.triangulation import is_curved
 from sheetoflight.model.calibration import AnyCalibration
 from sheetoflight.model.point_cloud import PointCloud, joined_clouds
 from sheetoflight.workflow.calibrated import load_any_calibration
@@ -70,7 +71,8 @@ def reconstruct(
         are held in memory until then, 200 bytes each; nothing else grows with the pictures.
     lines_csv
         Where to write the straight line through each piece of the laser line: its length, how far
-        its points scatter and how straight it is, beside what noise alone would show.
+        its points scatter and how straight it is, beside what noise alone would show. None is
+        straight in a curved sheet of light.
     laser
         The laser that is on in the pictures. Needed where the calibration has several.
     step_mm
@@ -87,6 +89,12 @@ def reconstruct(
     check_cloud_name(output)
     known = load_any_calibration(calibration)
     _refuse_open_choice(known, laser)
+    curved = is_curved(known, laser)
+    if curved and lines_csv:
+        raise InputError(
+            "the sheet of light is curved: its lines are straight on nothing",
+            "leave --lines-csv out, or calibrate with a flat sheet",
+        )
     frames = list_frames(inputs)
     read = [calibration, *frames.files, *look.files]
     check_output(output, read)
@@ -106,7 +114,10 @@ def reconstruct(
     if json:
         tell_json(_document(cloud, lines, damage))
     else:
-        _tell_lines(lines)
+        if curved:
+            tell("the sheet of light is curved: its lines are not judged by their straightness")
+        else:
+            _tell_lines(lines)
         pictures = f"{counted(damage.used, 'picture')}{damage.ending}"
         tell(f"{counted(len(cloud), 'point')} of {pictures} written to {output}")
     if strict:

@@ -36,6 +36,7 @@ from sheetoflight.model.calibration import (
 from sheetoflight.model.camera import Camera
 from sheetoflight.model.diagnosis import Finding
 from sheetoflight.model.light_plane import LightPlane
+from sheetoflight.model.sheet_curvature import SheetCurvature
 from sheetoflight.model.sheet_map import SheetMap
 from sheetoflight.model.target import CollinearTarget
 
@@ -98,10 +99,21 @@ def _geometry_document(calibration: AnyCalibration) -> dict[str, Any]:
             "matrix": camera.matrix,
             "distortion": camera.distortion,
         },
-        "light_planes": [
-            {"name": plane.name, "normal": plane.normal, "distance_mm": plane.distance_mm}
-            for plane in calibration.light_planes
-        ],
+        "light_planes": [_plane_document(plane) for plane in calibration.light_planes],
+    }
+
+
+def _plane_document(plane: LightPlane) -> dict[str, Any]:
+    curvature = plane.curvature and {
+        "centre": plane.curvature.centre,
+        "axes": plane.curvature.axes,
+        "per_mm": plane.curvature.per_mm,
+    }
+    return {
+        "name": plane.name,
+        "normal": plane.normal,
+        "distance_mm": plane.distance_mm,
+        **({"curvature": curvature} if curvature else {}),
     }
 
 
@@ -242,7 +254,12 @@ def _light_plane(part: LightPlanePart, key: str) -> LightPlane:
             "divide the normal by its length; distance_mm is measured along it in mm",
         )
     with naming(key):
-        return LightPlane(np.array(part.normal), part.distance_mm, part.name)
+        curvature = part.curvature and SheetCurvature(
+            np.array(part.curvature.centre),
+            np.array(part.curvature.axes),
+            np.array(part.curvature.per_mm),
+        )
+        return LightPlane(np.array(part.normal), part.distance_mm, part.name, curvature)
 
 
 def _view(part: ViewPart, key: str) -> ViewResiduals:

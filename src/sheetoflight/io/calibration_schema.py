@@ -38,12 +38,21 @@ class SheetMapPart(_Part):
     parameters: _Five
 
 
+class CurvaturePart(_Part):
+    """``light_planes[].curvature``: how a sheet bends away from its plane."""
+
+    centre: _Three
+    axes: Annotated[list[_Two], Field(min_length=3, max_length=3)]
+    per_mm: _Three
+
+
 class LightPlanePart(_Part):
-    """An entry of ``light_planes``: ``n · X = d``."""
+    """An entry of ``light_planes``: ``n · X = d``, and what a curved sheet has beside it."""
 
     name: _Name
     normal: _Three
     distance_mm: float
+    curvature: CurvaturePart | None = None
 
 
 class TargetPart(_Part):

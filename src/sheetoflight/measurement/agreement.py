@@ -27,6 +27,9 @@ _ROUNDING = 1e-9
 class Differences:
     """Differences of what two calibrations both determine.
 
+    Normal and distance of a curved sheet are those amid the points that it was found from: they
+    are not compared, only points in it are (`sheet_agreement`).
+
     Parameters
     ----------
     first, second : Calibration
@@ -40,18 +43,31 @@ class Differences:
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Parameters that both estimated."""
+        """Parameters that both estimated, of flat sheets and of the camera."""
         both = self.second.covariance.parameters
         return tuple(
             name
             for name in self.first.covariance.parameters
-            if name in both and not (self.camera_known and name.startswith("camera."))
+            if name in both
+            and name.rpartition(".")[0] not in self._curved
+            and not (self.camera_known and name.startswith("camera."))
         )
 
     @property
     def lasers(self) -> tuple[str, ...]:
-        """Lasers whose sheets both determine."""
-        return tuple(name for name in self.first.lasers if f"{name}.d" in self.names)
+        """Lasers whose flat sheets both determine."""
+        return tuple(name for name in self.sheets if name not in self._curved)
+
+    @property
+    def sheets(self) -> tuple[str, ...]:
+        """Lasers whose sheets both determine, flat or curved."""
+        one, other = self.first.covariance.parameters, self.second.covariance.parameters
+        return tuple(n for n in self.first.lasers if f"{n}.d" in one and f"{n}.d" in other)
+
+    @property
+    def _curved(self) -> set[str]:
+        every = (*self.first.light_planes, *self.second.light_planes)
+        return {plane.name for plane in every if plane.curvature is not None}
 
     @property
     def values(self) -> Array:
@@ -60,22 +76,26 @@ class Differences:
         return np.array([other[name] - one[name] for name in self.names])
 
     def covariance(self, names: tuple[str, ...]) -> Array:
-        """Covariance ``(P, P)`` of the differences of parameters.
+        """Covariance ``(P, P)`` of the differences of parameters."""
+        whole = self.first.covariance.block(names) + self.second.covariance.block(names)
+        if self.camera_known:
+            shared = self.shared(names, names)
+            whole = whole - shared - shared.T
+        values = _values(self.first)
+        exactness = [_ROUNDING * max(abs(values[name]), 1.0) for name in names]
+        return whole + np.diag(np.square(exactness))
+
+    def shared(self, first: tuple[str, ...], second: tuple[str, ...]) -> Array:
+        """Covariance ``(P, Q)`` of parameters of the first with those of the second.
 
         With a known camera of covariance K both follow it: ``Cov(x1, x2) = C1 K⁺ C2``, of the
         columns and rows of the camera.
         """
         one, other = self.first.covariance, self.second.covariance
-        whole = one.block(names) + other.block(names)
-        if self.camera_known:
-            held = tuple(n for n in one.parameters if n.startswith("camera."))
-            every, size = (*names, *held), len(names)
-            left, right = one.block(every)[:size, size:], other.block(every)[size:, :size]
-            shared = left @ np.linalg.pinv(one.block(held), hermitian=True) @ right
-            whole = whole - shared - shared.T
-        values = _values(self.first)
-        exactness = [_ROUNDING * max(abs(values[name]), 1.0) for name in names]
-        return whole + np.diag(np.square(exactness))
+        held = tuple(n for n in one.parameters if n.startswith("camera."))
+        left = one.block((*first, *held))[: len(first), len(first) :]
+        right = other.block((*second, *held))[len(second) :, : len(second)]
+        return left @ np.linalg.pinv(one.block(held), hermitian=True) @ right
 
     def independent(self) -> Array:
         """``(Q, P)``: from the parameters to as many coordinates as may differ."""
@@ -173,9 +193,7 @@ def sheet_agreement(found: Differences, uv: Array, laser: str) -> SheetAgreement
     if not seen.any():
         return None
     apart = np.linalg.norm(other.xyz - one.xyz, axis=1)[seen]
-    slope = 0.5 * (one.by_parameter + other.by_parameter)[seen]
-    covariance = found.covariance(parameter_names(found.first.sheet(laser)))
-    variances = np.einsum("nij,jk,nik->n", slope, covariance, slope)
+    variances = _point_variances(found, laser, one.by_parameter[seen], other.by_parameter[seen])
     depths = one.xyz[seen, 2]
     return SheetAgreement(
         laser=laser,
@@ -186,6 +204,25 @@ def sheet_agreement(found: Differences, uv: Array, laser: str) -> SheetAgreement
         largest_mm=float(apart.max()),
         std_mm=float(np.sqrt(np.mean(np.maximum(variances, 0.0)))),
     )
+
+
+def _point_variances(found: Differences, laser: str, one: Array, other: Array) -> Array:
+    """Variances ``(N,)`` of the differences of points by either, all coordinates together, mm².
+
+    ``one`` and ``other`` are their derivatives ``(N, 3, P)`` by camera and sheet. A curved sheet
+    has more parameters than a flat one, so that each side goes with its own covariance.
+    """
+    names = parameter_names(found.first.sheet(laser)), parameter_names(found.second.sheet(laser))
+    total = np.zeros(len(one))
+    for slope, calibration, own in zip(
+        (one, other), (found.first, found.second), names, strict=True
+    ):
+        block = calibration.covariance.block(own)
+        total += np.einsum("nij,jk,nik->n", slope, block, slope)
+    if found.camera_known:
+        shared = found.shared(*names)
+        total -= 2.0 * np.einsum("nij,jk,nik->n", one, shared, other)
+    return total
 
 
 def _freedom(found: Differences, whitening: Array) -> float:
@@ -226,11 +263,7 @@ def _values(calibration: Calibration) -> dict[str, float]:
         for name, value in zip(camera.PARAMETERS, camera.parameters, strict=True)
     }
     for plane in calibration.light_planes:
-        parts = (*plane.normal, plane.distance_mm)
-        values |= {
-            f"{plane.name}.{part}": float(value)
-            for part, value in zip(PLANE_PARTS, parts, strict=True)
-        }
+        values |= plane.parameters
     return values
 
 

@@ -28,12 +28,15 @@ class Contestant:
         Which stages are recorded, of camera, plane, crossing and board.
     board : Board, optional
         What stage board shows.
+    folded : bool
+        Whether it shows two plates that meet at a ridge, in place of a board.
     """
 
     name: str
     method: str
     stages: tuple[str, ...]
     board: Board | None = None
+    folded: bool = False
 
     def views(self, pictures: int, camera_share: float) -> dict[str, int]:
         """How many pictures each of its stages has, of so many together.
@@ -67,6 +70,11 @@ CONTESTANTS: Mapping[str, Contestant] = MappingProxyType(
             Contestant("camera-free", "camera-free", ("plane",)),
             Contestant("board-joint", "joint", ("board",), _SHEET_OF_PAPER),
             Contestant("board-two-step", "two-step", ("board",), _SHEET_OF_PAPER),
+            Contestant("board-planar-lines", "planar-lines", ("board",), _SHEET_OF_PAPER),
+            Contestant("board-cross-ratio", "cross-ratio", ("board",), _SHEET_OF_PAPER),
+            Contestant("solid-joint", "joint", ("board",), folded=True),
+            Contestant("solid-cross-ratio", "cross-ratio", ("board",), folded=True),
+            Contestant("solid-zigzag", "zigzag", ("board",), folded=True),
             Contestant("rod-and-board", "joint", ("camera", "plane", "board"), _SHEET_OF_PAPER),
         )
     }

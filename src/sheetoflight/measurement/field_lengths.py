@@ -1,15 +1,15 @@
-"""Lengths across the part of the picture in which targets stood in the sheet of light."""
+"""Lengths across the part of the picture in which the sheet of light was seen on targets."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
 
 from sheetoflight.geometry.directions import Array, normalised
+from sheetoflight.model.board import Board
 from sheetoflight.model.calibration import Calibration
-from sheetoflight.model.observations import TargetViews
+from sheetoflight.model.observations import Observations
 
 _PLACES = 3
 _HALVINGS = 12
@@ -38,38 +38,48 @@ class FieldSegment:
 
 
 def field_segments(
-    calibration: Calibration, stages: Mapping[str, TargetViews]
+    calibration: Calibration, observations: Observations, board: Board | None = None
 ) -> tuple[FieldSegment, ...]:
     """Segments of the target's length at 3 × 3 places, along u and along v.
 
     The places divide, for each laser, the part of the picture in which the target's markers lay
-    in the sheet, or the sheet crossed the target. Segments that leave the picture are left out;
-    where fewer than half would remain, all are taken half as long.
+    in the sheet, or the sheet crossed a target or a board. The length is the target's, or that of
+    the board's longest side where there is no target. Segments that leave the picture are left
+    out; where fewer than half would remain, all are taken half as long.
 
     Parameters
     ----------
     calibration : Calibration
-        With the target that gave the scale.
-    stages : mapping from stage to TargetViews
-        The views it was calibrated from.
+        With the target that gave the scale, if any.
+    observations : Observations
+        What it was calibrated from.
+    board : Board, optional
+        What stage board shows.
     """
-    if calibration.target is None:
+    longest = _longest(calibration, board)
+    if longest is None:
         return ()
     found: list[FieldSegment] = []
     for number, plane in enumerate(calibration.light_planes):
-        seen = _seen_in_sheet(stages, number, len(calibration.target.markers_mm))
+        seen = _seen_in_sheet(observations, number, len(calibration.light_planes))
         if len(seen):
-            found += _segments(calibration, plane.name, _grid(seen), calibration.target.length_mm)
+            found += _segments(calibration, plane.name, _grid(seen), longest)
     return tuple(found)
 
 
-def _seen_in_sheet(stages: Mapping[str, TargetViews], laser: int, markers: int) -> Array:
+def _longest(calibration: Calibration, board: Board | None) -> float | None:
+    """Length of the target or else of the board, mm."""
+    if calibration.target is not None:
+        return calibration.target.length_mm
+    return None if board is None else float(np.ptp(board.points, axis=0).max())
+
+
+def _seen_in_sheet(observations: Observations, laser: int, lasers: int) -> Array:
     """Image points ``(K, 2)`` of what is known to lie in a sheet."""
-    points: list[Array] = [np.empty((0, 2))]
-    if "plane" in stages:
-        points.append(stages["plane"].uv[stages["plane"].lasers == laser].reshape(-1, 2))
-    if "crossing" in stages:
-        points.append(stages["crossing"].uv[:, markers + laser])
+    plane, crossing, line = observations.plane, observations.crossing, observations.board.line
+    points = [plane.uv[plane.lasers == laser].reshape(-1, 2), line.uv[line.laser == laser]]
+    if len(crossing):
+        points.append(crossing.uv[:, laser - lasers])  # spots come behind the markers
     every = np.concatenate(points)
     return every[np.isfinite(every).all(axis=1)]
 

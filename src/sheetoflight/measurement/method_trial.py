@@ -87,13 +87,18 @@ class Attempt:
 
 def plane_errors(calibration: AnyCalibration, yardstick: Yardstick) -> tuple[float, float]:
     """Angle between the normals in degrees and rms distance of the sheets in mm; NaN of a method
-    that knows no camera, whose sheet has no place in space."""
+    that knows no camera, whose sheet has no place in space.
+
+    The normals of curved sheets are those amid the yardstick's points.
+    """
     if isinstance(calibration, SheetCalibration):
         return math.nan, math.nan
     found = calibration.light_planes[0]
-    sine = float(np.linalg.norm(np.cross(found.normal, yardstick.plane.normal)))
-    angle = math.degrees(math.atan2(sine, float(found.normal @ yardstick.plane.normal)))
-    off = yardstick.points @ found.normal - found.distance_mm
+    middle = yardstick.points.reshape(-1, 3).mean(axis=0)
+    normal, true = found.normals_at(middle), yardstick.plane.normals_at(middle)
+    sine = float(np.linalg.norm(np.cross(normal, true)))
+    angle = math.degrees(math.atan2(sine, float(normal @ true)))
+    off = found.heights(yardstick.points)
     return angle, float(np.sqrt(np.mean(off**2)))
 
 

@@ -10,7 +10,7 @@ of one unknown size T has the t-distribution that 6.4.9 of the Supplement assign
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.special import gammaln
@@ -19,10 +19,10 @@ from sheetoflight.calibration.methods import CalibrationOptions, calibrate
 from sheetoflight.errors import InputError, UntrustworthyError
 from sheetoflight.geometry.directions import Array
 from sheetoflight.measurement.field_lengths import FieldSegment, field_segments
-from sheetoflight.measurement.length import coverage_factor, lengths
 from sheetoflight.measurement.resimulation import Resimulation, resimulation
+from sheetoflight.measurement.trial_results import Results, results
 from sheetoflight.model.calibration import Calibration
-from sheetoflight.model.covariance import PLANE_PARTS
+from sheetoflight.model.covariance import CURVATURE_PARTS
 from sheetoflight.model.monte_carlo import MonteCarlo, PropagatedLength, PropagatedQuantity
 from sheetoflight.model.rig import Rig
 
@@ -68,25 +68,6 @@ class MonteCarloOptions:
 
 
 @dataclass(frozen=True, eq=False)
-class Results:
-    """What a calibration says of Q quantities: parameters, then lengths.
-
-    Parameters
-    ----------
-    values, std, factors : (Q,) arrays
-        Values, their standard uncertainties, and half widths of their 95 % intervals in units
-        of these.
-    degrees_of_freedom : (Q,) array
-        Effective ones of the standard uncertainties.
-    """
-
-    values: Array
-    std: Array
-    factors: Array
-    degrees_of_freedom: Array
-
-
-@dataclass(frozen=True, eq=False)
 class Experiment:
     """What every trial needs.
 
@@ -95,6 +76,9 @@ class Experiment:
     source : Resimulation
     method : str
     options : CalibrationOptions
+        Where the sheets came out flat, they are held flat.
+    parameters : tuple of str
+        Those that the calibration found: of a trial that finds others none can be compared.
     segments : tuple of FieldSegment
         Whose lengths are compared.
     seed : int
@@ -103,6 +87,7 @@ class Experiment:
     source: Resimulation
     method: str
     options: CalibrationOptions
+    parameters: tuple[str, ...]
     segments: tuple[FieldSegment, ...]
     seed: int
 
@@ -130,8 +115,12 @@ def experiment(
             "calibrate with another method",
         )
     source = resimulation(rig, calibration)
-    segments = field_segments(calibration, source.rig.observations.stages())
-    return Experiment(source, calibration.method, options, segments, seed)
+    segments = field_segments(calibration, source.rig.observations, rig.board)
+    parameters = calibration.covariance.parameters
+    # what is stated is the uncertainty of the model that was chosen, not of the choice
+    curved = any(plane.curvature is not None for plane in calibration.light_planes)
+    options = replace(options, flat=not curved)
+    return Experiment(source, calibration.method, options, parameters, segments, seed)
 
 
 def trial(task: tuple[Experiment, int]) -> Results | str:
@@ -149,65 +138,26 @@ def trial(task: tuple[Experiment, int]) -> Results | str:
     rng = np.random.default_rng(np.random.SeedSequence(plan.seed, spawn_key=(number,)))
     try:
         calibration = calibrate(plan.source.drawn(rng), plan.method, plan.options)
-        return results(calibration, plan.segments)
+        other = _not_comparable(calibration.covariance.parameters, plan.parameters)
+        return other or results(calibration, plan.segments)
     except (InputError, UntrustworthyError) as refusal:
         return str(refusal)
 
 
-def results(calibration: Calibration, segments: Sequence[FieldSegment]) -> Results:
-    """Parameters and lengths of a calibration with their stated uncertainties.
-
-    The segments' ends are exact: what the lengths are uncertain by is the calibration's part.
-
-    Raises
-    ------
-    InputError
-        If an end does not lie on the sheet.
-    """
-    rows = [*_parameters(calibration), *_lengths(calibration, segments)]
-    values, std, freedom = np.array(rows).T
-    factors = np.array([coverage_factor(float(one)) for one in freedom])
-    return Results(values, std, factors, freedom)
-
-
-def _parameters(calibration: Calibration) -> list[tuple[float, float, float]]:
-    covariance = calibration.covariance
-    values = dict(
-        zip(
-            (f"camera.{name}" for name in calibration.camera.PARAMETERS),
-            calibration.camera.parameters.tolist(),
-            strict=True,
+def _not_comparable(found: tuple[str, ...], asked: tuple[str, ...]) -> str:
+    """Why a trial's parameters are not those of the calibration; empty where they are."""
+    if found == asked:
+        return ""
+    differing = sorted(set(found) ^ set(asked))
+    if all(name.rpartition(".")[2] in CURVATURE_PARTS for name in differing):
+        return (
+            "a sheet that was calibrated as curved came out flat: it bends so little that chance "
+            "decides – calibrate with --flat"
         )
+    return (
+        f"only one of calibration and trial determines {', '.join(differing)} – take more views, "
+        "these determine the rig only just"
     )
-    for plane in calibration.light_planes:
-        parts = (*plane.normal.tolist(), plane.distance_mm)
-        values |= {f"{plane.name}.{p}": v for p, v in zip(PLANE_PARTS, parts, strict=True)}
-    rows = []
-    for index, name in enumerate(covariance.parameters):
-        shares: dict[str, float] = {}
-        for source in covariance.sources:
-            if source.component:
-                part = float(source.matrix[index, index])
-                shares[source.component] = shares.get(source.component, 0.0) + part
-        std = covariance.std(name)
-        freedom = covariance.components.degrees_of_freedom(std**2, shares)
-        rows.append((values[name], std, freedom))
-    return rows
-
-
-def _lengths(
-    calibration: Calibration, segments: Sequence[FieldSegment]
-) -> list[tuple[float, float, float]]:
-    rows: dict[int, tuple[float, float, float]] = {}
-    for laser in dict.fromkeys(segment.laser for segment in segments):
-        own = [i for i, segment in enumerate(segments) if segment.laser == laser]
-        ends = np.array([segments[i].uv for i in own])
-        names = tuple(segments[i].name for i in own)
-        for i, one in zip(
-            own, lengths(calibration, ends, np.zeros(len(own)), names, laser), strict=True
-        ):
-            rows[i] = (one.value, one.std, one.degrees_of_freedom)
-    return [rows[i] for i in range(len(segments))]
 
 
 def summarised(

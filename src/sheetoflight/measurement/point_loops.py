@@ -10,6 +10,9 @@ With ``s = n · r``, ``r = (x, y, 1)`` and ``t = d/s`` a point is ``X = t r``, s
 
 J the symmetric derivative of the distortion. A calibration's share of a coordinate's variance is
 ``b Σ bᵀ = ‖b L‖²`` with ``Σ = L Lᵀ``, b the derivatives by camera and plane.
+
+A curved sheet's depth t is the root of a quadratic (`SheetCurvature.depths`), and its own normal at
+the point takes the place of n in the derivatives.
 """
 
 from __future__ import annotations
@@ -22,6 +25,7 @@ import numba
 import numpy as np
 
 from sheetoflight.geometry.directions import Array
+from sheetoflight.model.light_plane import LightPlane
 
 _BLOCK = 64
 _STEPS = 50
@@ -39,13 +43,22 @@ def _compiled(function: Callable[..., Any]) -> Any:
         return numba.njit(**options)(function)
 
 
-def rows_of(factor: Array, alpha: float, beta: float, distance_mm: float) -> Array:
-    """L ``(14, R)`` of camera and plane as `fill_points` wants it: transposed, with the signs
-    and divisors in it that all points share."""
-    scale = np.ones(14)
-    scale[[0, 2, 3]], scale[[1, 4]] = 1.0 / alpha, 1.0 / beta
-    scale[13] = -1.0 / distance_mm
+def rows_of(factor: Array, alpha: float, beta: float) -> Array:
+    """L ``(14 or 17, R)`` of camera and sheet as `fill_points` wants it: transposed, with the
+    signs and divisors in it that all points share."""
+    scale = np.ones(len(factor))
+    scale[[0, 2, 3]], scale[[1, 4]], scale[13:] = 1.0 / alpha, 1.0 / beta, -1.0
     return np.ascontiguousarray((factor * scale[:, None]).T)
+
+
+def sheet_of(plane: LightPlane) -> Array:
+    """A sheet as `fill_points` wants it: normal and distance, and of a curved one
+    ``Aᵀ centre``, A row by row, and kxx, kxy, kyy."""
+    flat = [*plane.normal, plane.distance_mm]
+    bend = plane.curvature
+    if bend is None:
+        return np.array(flat)
+    return np.array([*flat, *(bend.centre @ bend.axes), *bend.axes.ravel(), *bend.per_mm])
 
 
 @_compiled
@@ -81,30 +94,63 @@ def _straighten(distortion, bent, ray, jacobian, off, step):
 
 
 @_compiled
-def _meet(plane, ray, jacobian, off, step, depth, per_slope, turn):
-    """Depths, NaN where there is none; turns J into t J⁻¹, and finds how the depth's own change
-    with x' and y' moves the point along its ray."""
-    n_x, n_y, n_z, distance = plane
+def _meet(sheet, ray, depth, per_slope, normal):
+    """Depths, NaN where there is none; the normal n, and ``1/(n · r)``."""
+    n_x, n_y, n_z, distance = sheet[0], sheet[1], sheet[2], sheet[3]
+    for j in range(_BLOCK):
+        inverse = 1.0 / (n_x * ray[0, j] + n_y * ray[1, j] + n_z)
+        depth[j], per_slope[j] = distance * inverse, inverse
+        normal[0, j], normal[1, j] = n_x, n_y
+
+
+@_compiled
+def _meet_curved(sheet, ray, depth, per_slope, normal, bend):
+    """What `_meet` finds, of a curved sheet, whose normal is its gradient at the point; and the
+    derivatives ½ x², x y, ½ y² of its height over the plane."""
+    n_x, n_y, n_z, distance = sheet[0], sheet[1], sheet[2], sheet[3]
+    c_x, c_y, a_xx, a_xy, a_yx, a_yy, a_zx, a_zy, xx, xy, yy = sheet[4:15]
+    k_x, k_y = xx * c_x + xy * c_y, xy * c_x + yy * c_y
+    c = distance + 0.5 * (c_x * k_x + c_y * k_y)
     for j in range(_BLOCK):
         x, y = ray[0, j], ray[1, j]
+        m_x, m_y = a_xx * x + a_yx * y + a_zx, a_xy * x + a_yy * y + a_zy
+        a = xx * m_x * m_x + 2.0 * xy * m_x * m_y + yy * m_y * m_y
+        slope = n_x * x + n_y * y + n_z
+        b = slope + m_x * k_x + m_y * k_y
+        squared = b * b - 2.0 * a * c
+        root = math.copysign(math.sqrt(squared) if squared >= 0.0 else math.nan, slope)
+        t = 2.0 * c / (b + root) if b * slope >= 0.0 else (b - root) / a
+        p_x, p_y = t * m_x - c_x, t * m_y - c_y
+        q_x, q_y = xx * p_x + xy * p_y, xy * p_x + yy * p_y
+        g_x, g_y = n_x - a_xx * q_x - a_xy * q_y, n_y - a_yx * q_x - a_yy * q_y
+        g_z = n_z - a_zx * q_x - a_zy * q_y
+        depth[j], per_slope[j] = t, 1.0 / (g_x * x + g_y * y + g_z)
+        normal[0, j], normal[1, j] = g_x, g_y
+        bend[0, j], bend[1, j], bend[2, j] = 0.5 * p_x * p_x, p_x * p_y, 0.5 * p_y * p_y
+
+
+@_compiled
+def _turn(jacobian, off, step, depth, per_slope, normal, turn):
+    """Takes away what is no depth; turns J into t J⁻¹, and finds how the depth's own change with
+    x' and y' moves the point along its ray."""
+    for j in range(_BLOCK):
         xx, xy, yy = jacobian[0, j], jacobian[1, j], jacobian[2, j]
         determinant = xx * yy - xy * xy
         good = (xx > 0.0) & (determinant > 0.0) & ((off[j] < _REACHED) | (step[j] <= _CONVERGED))
-        inverse = 1.0 / (n_x * x + n_y * y + n_z)
-        t = distance * inverse
+        t, inverse = depth[j], per_slope[j]
         t = t if good & (t > 0.0) & (t < math.inf) else math.nan
-        depth[j], per_slope[j] = t, inverse
+        depth[j] = t
         scale = t / determinant
         xx, xy, yy = yy * scale, -xy * scale, xx * scale
         jacobian[0, j], jacobian[1, j], jacobian[2, j] = xx, xy, yy
-        turn[0, j] = -(n_x * xx + n_y * xy) * inverse
-        turn[1, j] = -(n_x * xy + n_y * yy) * inverse
+        turn[0, j] = -(normal[0, j] * xx + normal[1, j] * xy) * inverse
+        turn[1, j] = -(normal[0, j] * xy + normal[1, j] * yy) * inverse
 
 
 @_compiled
 def _derive(axis, shear, bent, ray, jacobian, turn, depth, per_slope, rows):
-    """Derivatives of one coordinate by the fourteen parameters, less what `rows_of` holds; then
-    by x' and y', and the coordinate.
+    """Derivatives of one coordinate by camera and plane, less what `rows_of` holds; then by x' and
+    y', and the coordinate.
 
     An image point stays where it is while a parameter moves: ``alpha dx' = −x' dalpha`` and so
     on, and the lens's coefficients move (x, y) by −J⁻¹ times what they do to (x', y').
@@ -126,8 +172,8 @@ def _derive(axis, shear, bent, ray, jacobian, turn, depth, per_slope, rows):
         rows[7, j] = by_x * twice + by_y * (r2 + 2.0 * y * y)
         rows[8, j] = by_x * (r2 + 2.0 * x * x) + by_y * twice
         rows[10, j], rows[11, j], rows[12, j] = by_normal * x, by_normal * y, by_normal
-        rows[13, j] = coordinate
-        rows[14, j], rows[15, j] = by_x, by_y
+        rows[13, j] = along * per_slope[j]
+        rows[14, j], rows[15, j], rows[16, j] = by_x, by_y, coordinate
 
 
 @_compiled
@@ -144,7 +190,20 @@ def _add_squares(factor, rows, variance):
 
 
 @_compiled
-def fill_points(uv, steps, first, last, camera, plane, factor, xyz, std_xyz, noise_std):
+def _add_curved_squares(factor, rows, bend, variance):
+    """`_add_squares` of a curved sheet: b goes on with what its curvature moves."""
+    for k in range(len(factor)):
+        f = factor[k]
+        for j in range(_BLOCK):
+            total = f[14] * bend[0, j] + f[15] * bend[1, j] + f[16] * bend[2, j]
+            total *= rows[13, j]
+            for i in range(14):
+                total += f[i] * rows[i, j]
+            variance[j] += total * total
+
+
+@_compiled
+def fill_points(uv, steps, first, last, camera, sheet, factor, xyz, std_xyz, noise_std):
     """Fill rows `first` to `last` of `xyz` and `std_xyz` ``(N, 3)`` and `noise_std` ``(N,)``, mm.
 
     Parameters
@@ -154,14 +213,15 @@ def fill_points(uv, steps, first, last, camera, plane, factor, xyz, std_xyz, noi
     first, last : int
     camera : tuple of 10 float
         `Camera.parameters`.
-    plane : tuple of 4 float
-        Normal and distance.
-    factor : (R, 14) array
+    sheet : (4,) or (15,) array
+        `sheet_of` the sheet.
+    factor : (R, 14) or (R, 17) array
         `rows_of` the covariance's factor.
     """
     alpha, beta, gamma, u_0, v_0 = camera[:5]
     bent, ray, turn = (np.zeros((2, _BLOCK)), np.empty((2, _BLOCK)), np.empty((2, _BLOCK)))
-    noise, jacobian, rows = np.zeros((2, _BLOCK)), np.empty((3, _BLOCK)), np.empty((16, _BLOCK))
+    noise, jacobian, rows = np.zeros((2, _BLOCK)), np.empty((3, _BLOCK)), np.empty((17, _BLOCK))
+    normal, bend, curved = np.empty((2, _BLOCK)), np.empty((3, _BLOCK)), len(sheet) > 4
     off, step, depth = np.empty(_BLOCK), np.empty(_BLOCK), np.empty(_BLOCK)
     per_slope, variance, total = np.empty(_BLOCK), np.empty(_BLOCK), np.empty(_BLOCK)
     for start in range(first, last, _BLOCK):
@@ -172,16 +232,23 @@ def fill_points(uv, steps, first, last, camera, plane, factor, xyz, std_xyz, noi
             up = steps[start + j, 1] / beta
             noise[0, j], noise[1, j] = (steps[start + j, 0] - gamma * up) / alpha, up
         _straighten(camera[5:], bent, ray, jacobian, off, step)
-        _meet(plane, ray, jacobian, off, step, depth, per_slope, turn)
+        if curved:
+            _meet_curved(sheet, ray, depth, per_slope, normal, bend)
+        else:
+            _meet(sheet, ray, depth, per_slope, normal)
+        _turn(jacobian, off, step, depth, per_slope, normal, turn)
         total[:] = 0.0
         for axis in range(3):
             _derive(axis, gamma / alpha, bent, ray, jacobian, turn, depth, per_slope, rows)
             for j in range(_BLOCK):
                 variance[j] = (rows[14, j] * noise[0, j] + rows[15, j] * noise[1, j]) ** 2
                 total[j] += variance[j]
-            _add_squares(factor, rows, variance)
+            if curved:
+                _add_curved_squares(factor, rows, bend, variance)
+            else:
+                _add_squares(factor, rows, variance)
             for j in range(count):
-                xyz[start + j, axis] = rows[13, j]
+                xyz[start + j, axis] = rows[16, j]
                 std_xyz[start + j, axis] = math.sqrt(variance[j])
         for j in range(count):
             noise_std[start + j] = math.sqrt(total[j])

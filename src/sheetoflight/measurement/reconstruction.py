@@ -161,11 +161,11 @@ def _by_arrays(
 def _by_compiled_loops(
     calibration: Calibration, uv: Array, steps: Array, laser: str | None
 ) -> tuple[Array, Array, Array]:
-    from sheetoflight.measurement.point_loops import fill_points, rows_of
+    from sheetoflight.measurement.point_loops import fill_points, rows_of, sheet_of
 
     camera, plane = calibration.camera, calibration.sheet(laser)
-    rows = rows_of(_factor(calibration, laser), camera.alpha, camera.beta, plane.distance_mm)
-    known = tuple(camera.parameters.tolist()), (*plane.normal.tolist(), plane.distance_mm), rows
+    rows = rows_of(_factor(calibration, laser), camera.alpha, camera.beta)
+    known = tuple(camera.parameters.tolist()), sheet_of(plane), rows
     found = _nothing(len(uv))
 
     def work(first: int) -> None:

@@ -3,8 +3,8 @@
 A trial's truth is the calibration: its camera, its sheets of light, its estimate of where the
 target was in every view. From it new image points follow, with everything that is uncertain drawn
 anew: the noise of the image points, how far targets laid into a sheet lie off it, where the
-markers really are on the target, how warm it really was. This shares with `simulation`, which
-draws rigs of its own for the tests, nothing but `Camera.project`.
+markers really are on the target, how warm it really was, what the known camera really is. This
+shares with `simulation`, which draws rigs of its own for the tests, nothing but `Camera.project`.
 """
 
 from __future__ import annotations
@@ -14,9 +14,14 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from sheetoflight.calibration.board_screening import screened_boards
+from sheetoflight.calibration.components import COMPONENTS
 from sheetoflight.calibration.noise import noise_model
+from sheetoflight.calibration.rig_state import CAMERA
 from sheetoflight.errors import InputError
 from sheetoflight.geometry.directions import Array, normalised
+from sheetoflight.measurement.board_resimulation import TrueBoards, true_boards, winding_px
+from sheetoflight.model.board_views import BoardViews
 from sheetoflight.model.calibration import Calibration
 from sheetoflight.model.camera import Camera
 from sheetoflight.model.observations import Observations, TargetViews
@@ -57,20 +62,39 @@ class Resimulation:
         The calibrated one.
     truth : mapping from stage to TrueViews
     sizes : mapping from noise component to float
-        ``pixel`` in px, ``placement`` and ``marker`` in mm.
+        ``pixel``, ``corner``, ``stripe`` and ``shape`` in px, ``placement``, ``marker`` and
+        ``line`` in mm.
+    boards : TrueBoards, optional
+        Stage board, where there is any.
     """
 
     rig: Rig
     camera: Camera
     truth: Mapping[str, TrueViews]
     sizes: Mapping[str, float]
+    boards: TrueBoards | None = None
 
     def drawn(self, rng: np.random.Generator) -> Rig:
         """The rig as it might have been observed as well."""
         shift = self._marker_shifts(rng)
         stages = self.rig.observations.stages()
         views = {stage: self._observed(stage, stages[stage], shift, rng) for stage in stages}
-        return replace(self.rig, observations=replace(self.rig.observations, **views))
+        seen = replace(self.rig.observations, **views)
+        if self.boards is not None:
+            seen = replace(seen, board=self.boards.drawn(self.camera, self.sizes, rng))
+        return replace(self.rig, camera=self._known_camera(rng), observations=seen)
+
+    def _known_camera(self, rng: np.random.Generator) -> Camera | None:
+        """The camera as its own calibration might have given it as well, where it was known."""
+        known, covariance = self.rig.camera, self.rig.camera_covariance
+        if known is None or covariance is None:
+            return known
+        names = tuple(name for name in covariance.parameters if name in CAMERA)
+        error = np.zeros(len(CAMERA))
+        error[[CAMERA.index(name) for name in names]] = rng.multivariate_normal(
+            np.zeros(len(names)), covariance.block(names), check_valid="ignore"
+        )
+        return known.with_parameters(known.parameters + error)
 
     def _marker_shifts(self, rng: np.random.Generator) -> Array:
         """How far ``(M,)`` the markers lie from where they are said to lie, mm."""
@@ -112,13 +136,8 @@ def resimulation(rig: Rig, calibration: Calibration) -> Resimulation:
     Raises
     ------
     InputError
-        If the calibration knows none of the rig's views, or the rig has boards.
+        If the calibration knows none of the rig's views.
     """
-    if len(rig.observations.board):
-        raise InputError(
-            "boards are not simulated again: the calibration does not hold their lines",
-            "compare methods on simulated boards by sol compare",
-        )
     rig = _as_used(rig, calibration)
     proportions = noise_model(rig).proportions
     fitted = _fitted_points(calibration)
@@ -132,29 +151,43 @@ def resimulation(rig: Rig, calibration: Calibration) -> Resimulation:
             off=normals[views.lasers] if stage == "plane" else np.zeros((len(views), 3)),
             std=calibration.pixel_std * proportions[stage],
         )
-    return Resimulation(rig, calibration.camera, truth, _sizes(rig, calibration))
+    sizes, views = _sizes(rig, calibration), rig.observations.board
+    boards = None
+    if rig.board is not None and len(views):
+        boards = true_boards(rig.board, views, calibration, sizes)
+    return Resimulation(rig, calibration.camera, truth, sizes, boards)
 
 
 def _as_used(rig: Rig, calibration: Calibration) -> Rig:
     """The rig without the views and points that the calibration left out."""
-    used = {
-        (view.stage, view.view): np.isfinite(view.residuals).all(axis=-1)
+    used: dict[tuple[str, str], np.ndarray] = {
+        (view.stage, view.view): np.asarray(np.isfinite(view.residuals).all(axis=-1))
         for view in calibration.residuals.views
     }
-    views = {}
+    views: dict[str, TargetViews] = {}
     for stage, every in rig.observations.stages().items():
         kept = every.take(np.array([(stage, name) in used for name in every.names]))
         if len(kept):
             seen = np.array([used[stage, name] for name in kept.names])
             views[stage] = kept.without(~(seen & kept.seen))
-    if not views:
+    board = _boards_as_used(rig, used)
+    if not (views or len(board)):
         raise InputError(
             "the calibration holds no view of the rig, so that it cannot be simulated again",
             "give the rig from which it was calibrated",
         )
-    empty = Observations()
-    kept_only = replace(empty, **views)
-    return replace(rig, observations=kept_only)
+    return replace(rig, observations=replace(Observations(board=board), **views))
+
+
+def _boards_as_used(rig: Rig, used: Mapping[tuple[str, str], np.ndarray]) -> BoardViews:
+    """The views of boards that the calibration used, with those parts of the lines that are on
+    them: a calibration names no points of lines, but every one begins with the same screening."""
+    if not any(stage == "board" for stage, _ in used):
+        return BoardViews()
+    every = screened_boards(rig).rig.observations.board
+    kept = every.take(np.array([("board", name) in used for name in every.names]))
+    seen = np.array([used["board", name] for name in kept.names])
+    return kept.without(~(seen & kept.seen)) if len(kept) else kept
 
 
 def _fitted_points(calibration: Calibration) -> dict[tuple[str, str], Array]:
@@ -163,6 +196,11 @@ def _fitted_points(calibration: Calibration) -> dict[tuple[str, str], Array]:
 
 def _sizes(rig: Rig, calibration: Calibration) -> dict[str, float]:
     """Noise components, estimated where they were."""
-    stated = {"pixel": calibration.pixel_std, "placement": rig.placement_std or 0.0, "marker": 0.0}
+    stated = dict.fromkeys(COMPONENTS, 0.0) | {
+        "pixel": calibration.pixel_std,
+        "corner": calibration.pixel_std,
+        "placement": rig.placement_std or 0.0,
+        "shape": winding_px(rig),
+    }
     estimated = calibration.covariance.components
     return stated | dict(zip(estimated.names, estimated.std, strict=True))

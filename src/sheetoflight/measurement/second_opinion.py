@@ -68,7 +68,7 @@ def second_opinion(rig: Rig, alone: Callable[[Rig], Calibration]) -> SecondOpini
         return SecondOpinion(first, second)
     found = Differences(one, other, rig.camera is not None)
     total = chi_squared(found)
-    sheets = [sheet_agreement(found, _pixels(rig, laser), laser) for laser in found.lasers]
+    sheets = [sheet_agreement(found, _pixels(rig, laser), laser) for laser in found.sheets]
     return SecondOpinion(
         rod=first,
         board=second,

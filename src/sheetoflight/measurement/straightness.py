@@ -10,7 +10,7 @@ from scipy.special import log_ndtr
 
 from sheetoflight.errors import InputError
 from sheetoflight.geometry.directions import Array
-from sheetoflight.measurement.triangulation import triangulate_with_jacobians
+from sheetoflight.measurement.triangulation import is_curved, triangulate_with_jacobians
 from sheetoflight.model.calibration import AnyCalibration
 from sheetoflight.model.point_cloud import PointCloud
 
@@ -92,7 +92,8 @@ def lines_of(
 ) -> list[SpaceLine]:
     """A straight line for each line of each picture, in their order.
 
-    Lines of fewer than three points say nothing of straightness; they are left out.
+    Lines of fewer than three points say nothing of straightness; they are left out. In a curved
+    sheet there are none (see `fitted_line_in_space`).
 
     Parameters
     ----------
@@ -100,6 +101,8 @@ def lines_of(
     calibration, laser
         As for `fitted_line_in_space`.
     """
+    if calibration is not None and is_curved(calibration, laser):
+        return []
     order = np.lexsort((cloud.line, cloud.picture))  # stable: the order along each line is kept
     keys = np.stack([cloud.picture[order], cloud.line[order]])
     begins = np.flatnonzero(np.any(np.diff(keys, axis=1), axis=0)) + 1
@@ -129,8 +132,15 @@ def fitted_line_in_space(
     Raises
     ------
     InputError
-        If there are fewer than three points, or all are one.
+        If there are fewer than three points, or all are one; or the sheet is curved: its line on
+        a straight edge or a flat face is a curve, which says nothing of what it falls on.
     """
+    if calibration is not None and is_curved(calibration, laser):
+        raise InputError(
+            f"the sheet of {laser or calibration.lasers[0]} is curved: its line on a flat face is "
+            "no straight one",
+            "judge the points, or a plane through those of many lines",
+        )
     where = f"line {part.line[0]} of {_picture(part)}" if len(part) else "the line"
     if len(part) < _FEWEST:
         raise InputError(

@@ -10,7 +10,7 @@ from sheetoflight.errors import InputError
 from sheetoflight.geometry.directions import Array
 from sheetoflight.model.calibration import AnyCalibration, SheetCalibration
 from sheetoflight.model.camera import Camera
-from sheetoflight.model.covariance import PLANE_PARTS, SHEET_MAP_PARTS
+from sheetoflight.model.covariance import SHEET_MAP_PARTS
 from sheetoflight.model.light_plane import LightPlane
 from sheetoflight.model.sheet_map import SheetMap
 
@@ -35,16 +35,18 @@ class TriangulatedPoints:
 
 
 def parameter_names(sheet: LightPlane | SheetMap) -> tuple[str, ...]:
-    """Names, as in `Calibration.covariance`, of the ten camera and four plane parameters, or of
-    the five of a sheet map."""
+    """Names, as in `Calibration.covariance`, of the ten camera and four plane parameters, and of
+    the three of a curved sheet; or of the five of a sheet map."""
     if isinstance(sheet, SheetMap):
         return tuple(f"{sheet.name}.{part}" for part in SHEET_MAP_PARTS)
     camera = tuple(f"camera.{name}" for name in Camera.PARAMETERS)
-    return (*camera, *(f"{sheet.name}.{part}" for part in PLANE_PARTS))
+    return (*camera, *sheet.parameters)
 
 
 def triangulate(calibration: AnyCalibration, uv: Array, laser: str | None = None) -> Array:
     """Image points on the laser line to points in space: ``X = d r / (n · r)``.
+
+    On a curved sheet X is where the ray meets it (`LightPlane.intersect`).
 
     Parameters
     ----------
@@ -71,6 +73,12 @@ def triangulate(calibration: AnyCalibration, uv: Array, laser: str | None = None
     return calibration.sheet(laser).intersect(calibration.camera.unproject(pixels))
 
 
+def is_curved(calibration: AnyCalibration, laser: str | None = None) -> bool:
+    """Whether the sheet of a laser is curved, so that no line in it is straight."""
+    sheet = calibration.sheet(laser)
+    return isinstance(sheet, LightPlane) and sheet.curvature is not None
+
+
 def checked_pixels(uv: Array) -> Array:
     """Image points as a float array ``(..., 2)``."""
     try:
@@ -89,8 +97,10 @@ def triangulate_with_jacobians(
 ) -> TriangulatedPoints:
     """`triangulate` for ``(N, 2)`` image points, with derivatives.
 
-    From ``t = d / (n · r)`` and ``X = t r``: ``dX = (I − r nᵀ/(n · r)) t dr − r t (r · dn)/(n · r)
-    + r dd/(n · r)``.
+    A point ``X = t r`` stays on the sheet, ``f(X) = 0``, so that with the gradient ``g = ∂f/∂X``
+    (`LightPlane.gradients`; n on a flat sheet) and the sheet's parameters p:
+    ``dX = t (I − r gᵀ/(g · r)) dr − r ∂f/∂p dp / (g · r)``, where ``∂f/∂n = X``, ``∂f/∂d = −1``
+    and ``∂f/∂k = −(½ x², x y, ½ y²)``.
     """
     if isinstance(calibration, SheetCalibration):
         return TriangulatedPoints(
@@ -101,13 +111,20 @@ def triangulate_with_jacobians(
         checked_pixels(uv)
     )
     xyz = plane.intersect(rays)
+    gradient = plane.gradients(xyz)
     with np.errstate(divide="ignore", invalid="ignore"):
-        slope = rays @ plane.normal
-        along = rays / slope[:, None]
+        along = rays / np.sum(gradient * rays, axis=1)[:, None]
         depth = xyz[:, 2]  # rays have z = 1
-        by_ray = depth[:, None, None] * (np.eye(3) - along[:, :, None] * plane.normal)
-        by_parameter = np.empty((len(xyz), 3, 14))
-        by_parameter[..., :10] = by_ray[..., :2] @ ray_by_camera
-        by_parameter[..., 10:13] = -depth[:, None, None] * along[:, :, None] * rays[:, None, :]
-        by_parameter[..., 13] = along
+        by_ray = depth[:, None, None] * (np.eye(3) - along[:, :, None] * gradient[:, None, :])
+        by_camera = by_ray[..., :2] @ ray_by_camera
+        by_sheet = along[:, :, None] * _moved_by_sheet(plane, xyz)[:, None, :]
+    by_parameter = np.concatenate([by_camera, by_sheet], axis=-1)
     return TriangulatedPoints(xyz, by_ray[..., :2] @ ray_by_pixel, by_parameter)
+
+
+def _moved_by_sheet(plane: LightPlane, xyz: Array) -> Array:
+    """``−∂f/∂p`` ``(N, 4 or 7)``: how far each of the sheet's parameters moves it at points."""
+    parts = [-xyz, np.ones((len(xyz), 1))]
+    if plane.curvature is not None:
+        parts.append(plane.curvature.heights_by_per_mm(xyz))
+    return np.concatenate(parts, axis=1)

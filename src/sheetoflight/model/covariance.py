@@ -14,8 +14,13 @@ from sheetoflight.model.camera import Camera
 PLANE_PARTS = ("nx", "ny", "nz", "d")
 """Parameters of a light plane, after its name and a dot."""
 
+CURVATURE_PARTS = ("kxx", "kxy", "kyy")
+"""Those that a curved sheet has beside them, 1/mm."""
+
 SHEET_MAP_PARTS = ("a", "b", "c", "l1", "l2")
 """Parameters of a sheet map, after its name and a dot."""
+
+_SHEET_PARTS = (*PLANE_PARTS, *CURVATURE_PARTS, *SHEET_MAP_PARTS)
 
 
 @dataclass(frozen=True, eq=False)
@@ -96,7 +101,8 @@ class Covariance:
     ----------
     parameters : tuple of str
         ``camera.alpha`` …, ``laser.nx``, ``laser.ny``, ``laser.nz``, ``laser.d`` (with the
-        light plane's name in place of ``laser``); px, mm.
+        light plane's name in place of ``laser``), of a curved sheet ``laser.kxx``,
+        ``laser.kxy``, ``laser.kyy`` too; px, mm, 1/mm.
     matrix : (P, P) array
     sources : tuple of Source
         Independent causes whose shares add up to `matrix`; empty where they are not known.
@@ -166,9 +172,10 @@ class Covariance:
 
 def _refuse_unknown(parameter: str) -> None:
     owner, _, part = parameter.rpartition(".")
-    known = Camera.PARAMETERS if owner == "camera" else (*PLANE_PARTS, *SHEET_MAP_PARTS)
+    known = Camera.PARAMETERS if owner == "camera" else _SHEET_PARTS
     if not owner or part not in known:
         raise InputError(
             f"there is no parameter '{parameter}'",
-            "use camera.alpha … camera.k3, or a light plane's name with .nx, .ny, .nz or .d",
+            "use camera.alpha … camera.k3, or a light plane's name with .nx, .ny, .nz, .d, or of "
+            "a curved one .kxx, .kxy, .kyy",
         )

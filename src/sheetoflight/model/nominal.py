@@ -130,6 +130,11 @@ class NominalRig:
         Nearest and farthest Z at which targets lie in the sheets and lengths are measured.
     assumptions : tuple of str
         What was not stated and had to be taken from somewhere.
+
+    Raises
+    ------
+    InputError
+        If a sheet of light is curved.
     """
 
     camera: Camera
@@ -137,6 +142,14 @@ class NominalRig:
     pivot_mm: Array
     depth_mm: tuple[float, float]
     assumptions: tuple[str, ...] = ()
+
+    def __post_init__(self) -> None:
+        for plane in self.light_planes:
+            if plane.curvature is not None:
+                raise InputError(
+                    f"the sheet of light '{plane.name}' is curved; plans are of flat ones",
+                    "plan with a calibration of flat sheets, or from a drawing",
+                )
 
 
 def nominal_rig(

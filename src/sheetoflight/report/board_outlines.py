@@ -40,7 +40,7 @@ def cut_by_sheet(outline_xyz: Array, plane: LightPlane) -> Array:
 
     Both in the camera frame, mm. Of a flat board seen whole they are two, or none.
     """
-    off = outline_xyz @ plane.normal - plane.distance_mm
+    off = plane.heights(outline_xyz)
     before, after = off[:-1], off[1:]
     with np.errstate(invalid="ignore"):
         passing = before * after < 0

@@ -75,9 +75,11 @@ def noise_origin(calibration: Calibration, component: str) -> str:
         return _off_sheet_origin(calibration, component)
     if not covariance.sources:
         return _NOT_RECORDED
-    if component in _IMAGE_POINTS or any(s.name == component for s in covariance.sources):
+    if component in _IMAGE_POINTS:
         return STATED
-    return _NOT_FOUND if component in _OFF_SHEET else _FOUND_NONE
+    if component not in _OFF_SHEET:
+        return _FOUND_NONE
+    return STATED if any(s.name == component for s in covariance.sources) else _NOT_FOUND
 
 
 def _off_sheet_origin(calibration: Calibration, component: str) -> str:

@@ -12,7 +12,7 @@ import numpy as np
 from sheetoflight.geometry.directions import Array, normalised
 from sheetoflight.measurement.triangulation import triangulate
 from sheetoflight.model.calibration import Calibration
-from sheetoflight.model.covariance import Covariance
+from sheetoflight.model.covariance import CURVATURE_PARTS, Covariance
 from sheetoflight.model.light_plane import LightPlane
 
 _MOST_DECIMALS = 9
@@ -77,7 +77,7 @@ def parameter_unit(name: str) -> str:
     owner, _, part = name.rpartition(".")
     if owner == "camera":
         return _CAMERA_MEANING[part][2] if part in _CAMERA_MEANING else ""
-    return "mm" if part == "d" else ""
+    return "mm" if part == "d" else "1/mm" if part in CURVATURE_PARTS else ""
 
 
 def camera_quantities(calibration: Calibration) -> tuple[Quantity, ...]:
@@ -93,7 +93,8 @@ def camera_quantities(calibration: Calibration) -> tuple[Quantity, ...]:
 
 
 def plane_quantities(calibration: Calibration, plane: LightPlane) -> tuple[Quantity, ...]:
-    """Normal and distance of a light plane with their standard uncertainties."""
+    """Normal and distance of a light plane, and its curvature where it has one, with their
+    standard uncertainties."""
     covariance = calibration.covariance
     rows = []
     for axis, component in zip("xyz", plane.normal, strict=True):
@@ -104,7 +105,38 @@ def plane_quantities(calibration: Calibration, plane: LightPlane) -> tuple[Quant
     slope = math.degrees(math.asin(min(abs(float(plane.normal[2])), 1.0)))
     tilt = _tilt_std(covariance, plane)
     rows.append(Quantity("", "tilt against the optical axis", f"{slope:.3f}", tilt, "°"))
-    return tuple(rows)
+    return (*rows, *_curvature_quantities(covariance, plane))
+
+
+def _curvature_quantities(covariance: Covariance, plane: LightPlane) -> Iterator[Quantity]:
+    if plane.curvature is None:
+        return
+    meanings = ("along its first axis", "twist", "along its second axis")
+    for part, meaning, value in zip(CURVATURE_PARTS, meanings, plane.curvature.per_mm, strict=True):
+        text, std = _with_std(covariance, f"{plane.name}.{part}", float(value))
+        yield Quantity(part, f"curvature, {meaning}", text, std, "1/mm")
+
+
+def bend_in_words(calibration: Calibration, plane: LightPlane, seen: Array) -> str:
+    """How far a curved sheet is from its plane at points ``(N, 3)`` of it, in a sentence; empty of
+    a flat one.
+
+    The uncertainty is that of the height at the point where it is greatest: ``hᵀ C h``, with h its
+    derivatives by kxx, kxy, kyy and C their covariance.
+    """
+    if plane.curvature is None:
+        return ""
+    said = "The sheet is curved: n · X = d is the plane that it bends away from"
+    if not len(seen):
+        return f"{said}."
+    heights = plane.curvature.heights(seen)
+    most = int(np.argmax(np.abs(heights)))
+    by_curvature = plane.curvature.heights_by_per_mm(seen[most])
+    names = tuple(f"{plane.name}.{part}" for part in CURVATURE_PARTS)
+    variance = by_curvature @ calibration.covariance.block(names) @ by_curvature
+    value, std = rounded(abs(float(heights[most])), math.sqrt(max(float(variance), 0.0)))
+    known = f" ± {std}" if float(std) > 0 else ""
+    return f"{said}, by {value}{known} mm at most where targets met it."
 
 
 def _tilt_std(covariance: Covariance, plane: LightPlane) -> str:

@@ -24,7 +24,7 @@ from sheetoflight.report.noise import (
 )
 from sheetoflight.report.picture_block import picture_blocks
 from sheetoflight.report.plots import budget_plot, calibration_plots, residual_plots
-from sheetoflight.report.point_groups import largest_px, point_groups, stages_of
+from sheetoflight.report.point_groups import in_sheet, largest_px, point_groups, stages_of
 from sheetoflight.report.second_opinion_block import second_opinion_tables
 
 _SENSOR = ("Camera", "Camera and sheet of light", "Camera and sheets of light")
@@ -87,8 +87,13 @@ def build_report(
             parameters=budget_table(by_parameter) if known else None,
             camera=numbers.camera_quantities(calibration),
             planes=[
-                (p.name, numbers.plane_quantities(calibration, p), numbers.paper_equation(p))
-                for p in calibration.light_planes
+                (
+                    p.name,
+                    numbers.plane_quantities(calibration, p),
+                    numbers.paper_equation(p),
+                    numbers.bend_in_words(calibration, p, in_sheet(calibration, laser)),
+                )
+                for laser, p in enumerate(calibration.light_planes)
             ],
             view=numbers.view_quantities(calibration),
             calibration_plots=calibration_plots(calibration),

@@ -137,10 +137,7 @@ def _nearest_sheet(calibration: Calibration, view: ViewResiduals) -> int:
     markers = view.xyz[np.isfinite(view.xyz).all(axis=1)]
     if not len(markers):
         return 0
-    distances = [
-        np.abs(markers @ plane.normal - plane.distance_mm).mean()
-        for plane in calibration.light_planes
-    ]
+    distances = [np.abs(plane.heights(markers)).mean() for plane in calibration.light_planes]
     return int(np.argmin(distances))
 
 

@@ -31,6 +31,7 @@ _MOST_POINTS = 1500
 _FAINT, _CLEAR = 0.3, 1.0
 _FEW_BOARDS = 20
 _GRID = 9
+_TWO = np.array([[0, 1, 2], [0, 2, 3]])
 _EYE = np.array([-0.64, -0.43, -0.64])
 _DISTANCE = 1.35
 _HOVER = "X %{x:.2f}, Y %{y:.2f}, Z %{z:.2f} mm<extra></extra>"
@@ -127,17 +128,16 @@ def _add_boards(figure: go.Figure, group: PointGroup) -> None:
 def _add_sheet(figure: go.Figure, calibration: Calibration, laser: int, around: Array) -> Array:
     """A translucent rectangle of the sheet that holds the given points' feet on it.
 
-    Returns its corners ``(4, 3)``, none where there are no points.
+    Returns its corners ``(4, 3)``, of a curved sheet its nodes, none where there are no points.
     """
     if not len(around):
         return np.empty((0, 3))
     plane = calibration.light_planes[laser]
     corners = _patch(plane, around)
+    nodes, triangles = (corners, _TWO) if plane.curvature is None else _bent(plane, corners)
     figure.add_mesh3d(
-        **_coordinates(corners),
-        i=[0, 0],
-        j=[1, 2],
-        k=[2, 3],
+        **_coordinates(nodes),
+        **dict(zip("ijk", np.transpose(triangles).tolist(), strict=True)),
         color=sheet_colour(laser),
         opacity=0.22,
         flatshading=True,
@@ -146,7 +146,23 @@ def _add_sheet(figure: go.Figure, calibration: Calibration, laser: int, around: 
         showlegend=True,
         hoverinfo="name",
     )
-    return corners
+    return nodes
+
+
+def _bent(plane: LightPlane, corners: Array) -> tuple[Array, np.ndarray]:
+    """Nodes ``(N, 3)`` of a curved sheet over a rectangle of its plane, and its triangles
+    ``(T, 3)``."""
+    share = np.linspace(0.0, 1.0, _GRID)[:, None]
+    sides = [first + share * (last - first) for first, last in (corners[:2], corners[3:1:-1])]
+    flat = sides[0][:, None] + share * (sides[1] - sides[0])[:, None]
+    flat = flat.reshape(-1, 3)
+    assert plane.curvature is not None
+    nodes = flat + plane.curvature.heights(flat)[:, None] * plane.normal
+    row, column = np.divmod(np.arange(_GRID * (_GRID - 1)), _GRID)
+    first = np.arange(len(row))[column < _GRID - 1]
+    upper = np.stack([first, first + 1, first + _GRID + 1], axis=1)
+    lower = np.stack([first, first + _GRID + 1, first + _GRID], axis=1)
+    return nodes, np.concatenate([upper, lower])
 
 
 def _patch(plane: LightPlane, around: Array) -> Array:

@@ -56,7 +56,9 @@ def _spots_on_bent(rig: SimulatedRig, placed: PlacedTargets, bows: Array) -> Arr
     over the sheet, with t0 the share of the straight target's spot.
     """
     spots, every = placed.spots.copy(), np.arange(len(placed.spots))
-    normal = np.stack([plane.normal for plane in rig.light_planes])[placed.crossing_lasers]
+    lasers = range(len(rig.light_planes))
+    sheets = [rig.flat_sheet(laser, "bent targets are crossed by flat ones") for laser in lasers]
+    normal = np.stack([plane.normal for plane in sheets])[placed.crossing_lasers]
     start, along = placed.crossing[:, 0], placed.crossing[:, -1] - placed.crossing[:, 0]
     rise, lift = np.sum(normal * along, axis=-1), 4.0 * np.sum(normal * bows, axis=-1)
     straight = np.sum((spots[every, placed.crossing_lasers] - start) * along, axis=-1)

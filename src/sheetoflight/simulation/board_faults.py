@@ -119,14 +119,13 @@ def _line_on_bent(rig: SimulatedRig, placed: PlacedBoards, bend: _Bend) -> LineP
     line = placed.line
     rotations, shifts = placed.rotations[line.view], placed.translations[line.view]
     normals = np.stack([sheet.normal for sheet in rig.light_planes])[line.laser]
-    distances = np.array([sheet.distance_mm for sheet in rig.light_planes])[line.laser]
     flat = _turned_back(rotations, line.points - shifts)
     across = _turned_back(rotations, normals)
     across[:, 2] = 0.0
     across /= np.sum(across**2, axis=1, keepdims=True)
     for _ in range(_STEPS):
         bent = _turned(rotations, bend.bent(flat)) + shifts
-        flat = flat - (np.sum(normals * bent, axis=1) - distances)[:, None] * across
+        flat = flat - rig.heights(bent, line.laser)[:, None] * across
     points = _turned(rotations, bend.bent(flat)) + shifts
     return replace(line, points=points)
 

@@ -10,6 +10,7 @@ import numpy as np
 from sheetoflight.geometry.directions import Array, normalised, tangent_basis
 from sheetoflight.model.board import Board, PlanarBoard
 from sheetoflight.model.light_plane import LightPlane
+from sheetoflight.simulation.curved_lines import line_on_face, moved_across
 from sheetoflight.simulation.rig import SimulatedRig
 
 
@@ -68,7 +69,7 @@ def face_outlines(board: Board) -> tuple[Array, ...]:
 def chords(corners: Array, sheet: LightPlane) -> Array:
     """Ends ``(N, 2, 3)`` of the lines in which a sheet meets convex polygons ``(N, K, 3)``, mm.
 
-    NaN where it does not.
+    Of a curved sheet those of the plane that it bends away from. NaN where it does not.
     """
     above = corners @ sheet.normal - sheet.distance_mm
     next_corners, next_above = np.roll(corners, -1, axis=1), np.roll(above, -1, axis=1)
@@ -80,6 +81,15 @@ def chords(corners: Array, sheet: LightPlane) -> Array:
     return np.where(crossed.any(axis=1)[:, None, None], ends, np.nan)
 
 
+def line_ends(corners: Array, rig: SimulatedRig, laser: int = 0) -> Array:
+    """Ends ``(2, 3)`` of the line of a laser on a face ``(K, 3)``, mm; of a curved sheet those of
+    its plane's line, moved on to it within the face. NaN where there is no line."""
+    (ends,) = chords(corners[None], rig.light_planes[laser])
+    if rig.is_flat(laser) or np.isnan(ends).any():
+        return ends
+    return moved_across(rig.surface(laser), corners, ends)
+
+
 def lines_on_faces(
     rig: SimulatedRig,
     outlines: list[Array],
@@ -87,6 +97,9 @@ def lines_on_faces(
     lit: np.ndarray | None = None,
 ) -> LinePoints:
     """The lines of light on boards.
+
+    A curved sheet's are curves; their points are as many and as dense as those of its plane, less
+    those that come to lie beyond the face.
 
     Parameters
     ----------
@@ -111,7 +124,7 @@ def lines_on_faces(
     if lit is not None:
         shares = shares * np.asarray(lit, dtype=float).T[:, None, :]
     shares = count * shares / np.maximum(shares.sum(axis=1, keepdims=True), 1e-300)
-    pieces = list(_pieces(ends, np.rint(shares).astype(int)))
+    pieces = list(_pieces(rig, outlines, ends, np.rint(shares).astype(int)))
     points = np.concatenate([np.empty((0, 3)), *(p for p, _, _ in pieces)])
     along = np.concatenate([np.empty((0, 3)), *(a for _, a, _ in pieces)])
     places = [np.tile(at, (len(p), 1)) for p, _, at in pieces]
@@ -126,13 +139,18 @@ def _picture_lengths(ends: Array) -> Array:
     return np.nan_to_num(np.linalg.norm(picture[..., 1, :] - picture[..., 0, :], axis=-1))
 
 
-def _pieces(ends: Array, counts: np.ndarray) -> Iterator[tuple[Array, Array, tuple[int, int, int]]]:
+def _pieces(
+    rig: SimulatedRig, outlines: list[Array], ends: Array, counts: np.ndarray
+) -> Iterator[tuple[Array, Array, tuple[int, int, int]]]:
     """Points and directions of every piece ``(laser, face, view)`` that has any."""
     for at in zip(*np.nonzero(counts), strict=True):
+        laser, face, view = at
         first, last = ends[at]
         points = _even_in_picture(first, last, int(counts[at]))
-        direction = normalised(last - first)
-        yield points, np.broadcast_to(direction, points.shape), at
+        if rig.is_flat(laser):
+            yield points, np.broadcast_to(normalised(last - first), points.shape), at
+        else:
+            yield *line_on_face(rig.surface(laser), outlines[face][view], points), at
 
 
 def _even_in_picture(first: Array, last: Array, count: int) -> Array:

@@ -128,7 +128,7 @@ def with_sheet_at(rig: SimulatedRig, distance_mm: float) -> SimulatedRig:
     It keeps the line that it shares with the plane ``Z = (Z_near + Z_far)/2``. At 0 mm the sheet
     passes through the centre and is seen as a line (the smallest positive number stands for 0).
     """
-    plane, centre = rig.light_plane, field_centre(rig)
+    plane, centre = rig.flat_sheet(0, "only flat ones are turned"), field_centre(rig)
     along = normalised(np.array([-plane.normal[1], plane.normal[0], 0.0]))
     reach = float(np.linalg.norm(centre))  # the centre is the line's nearest point to the axis
     towards = centre / reach

@@ -258,7 +258,7 @@ def _slipped(
 def _moved_sheet(
     rig: SimulatedRig, turn_deg: float, shift_mm: float, rng: np.random.Generator
 ) -> LightPlane:
-    plane = rig.light_plane
+    plane = rig.flat_sheet(0, "only flat ones are turned")
     first, second = tangent_basis(plane.normal)
     angle = rng.uniform(0.0, 2.0 * np.pi)
     turn = rotation(math.radians(turn_deg) * (math.cos(angle) * first + math.sin(angle) * second))

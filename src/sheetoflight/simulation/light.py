@@ -12,6 +12,9 @@ from sheetoflight.simulation.scene import Surface
 _REACH = 5.0
 """Standard deviations of the sheet's profile after which it is dark."""
 
+_BEND = 2.0
+"""How many times as far from its plane as at a block's corners a curved sheet may be within."""
+
 
 def camera_view(surface: Surface) -> Array:
     """Rows ``(3, 3)`` that map a camera ray to surface coordinates; see `Samples.charted`.
@@ -43,11 +46,19 @@ def projector_view(lit: Surface, shading: Surface, projector: Array) -> Array | 
     return np.vstack([shading.axes @ path + np.outer(start, depth), depth])
 
 
+def _points(samples: Samples, surface: Surface) -> Array:
+    """Points ``(n, m, 3)`` of a surface that samples show, camera frame, mm."""
+    normal, distance = surface.plane
+    depth = distance / samples.linear(normal)
+    return np.stack([samples.x * depth, samples.y * depth, depth], axis=-1)
+
+
 class SheetOfLight:
     """The light a rig's projector throws on surfaces.
 
     A fan of light: its profile across is a Gaussian of constant thickness, its irradiance
-    falls with the distance from the projector and with the cosine of incidence.
+    falls with the distance from the projector and with the cosine of incidence. The fan may be
+    curved.
 
     Parameters
     ----------
@@ -64,6 +75,7 @@ class SheetOfLight:
         self, rig: SimulatedRig, sigma_mm: float, level: float, reference_mm: float
     ) -> None:
         self._plane = rig.light_plane
+        self._curved = None if rig.is_flat(0) else rig.surface(0)
         self._projector = np.asarray(rig.projector_mm, dtype=float)
         self._sigma = sigma_mm
         self._strength = level * reference_mm
@@ -78,6 +90,9 @@ class SheetOfLight:
             return True
         away = around.linear(self._row(surface)) / depth
         reach = _REACH * self._sigma
+        if self._curved is not None:
+            bend = self._curved.heights(_points(around, surface)) - away
+            reach += _BEND * float(np.abs(bend).max())
         return bool(away.min() < reach and away.max() > -reach)
 
     def on(self, samples: Samples, surface: Surface, others: list[Surface]) -> Array:
@@ -86,6 +101,8 @@ class SheetOfLight:
         depth = samples.linear(normal)
         row = self._row(surface)
         away = samples.linear(row) / depth
+        if self._curved is not None:
+            away = self._curved.heights(_points(samples, surface))
         along_u, along_v = samples.middle.charted_slopes(np.vstack([row, row, normal]))[0]
         blur = (along_u**2 + along_v**2) * samples.footprint_px**2 / 12.0
         variance = self._sigma**2 + blur

@@ -13,6 +13,7 @@ from sheetoflight.geometry.directions import Array, normalised, tangent_basis
 from sheetoflight.model.camera import Camera
 from sheetoflight.model.light_plane import LightPlane
 from sheetoflight.model.observations import Observations, TargetViews
+from sheetoflight.simulation.curved_lines import spots_of_light
 from sheetoflight.simulation.rig import SimulatedRig
 from sheetoflight.simulation.visible import in_picture, target_points, visible_poses
 
@@ -23,6 +24,7 @@ _LEAST_CROSSING = math.sin(math.radians(15.0))
 _END_SHARE = 0.05
 """Least distance of a spot from the ends of the target, as a share of its length."""
 _LARGEST_PLACEMENT = 0.1
+_STRAIGHT = "nothing straight lies in it"
 """Farther off, as a share of its length, a target no longer lies in the sheet."""
 
 
@@ -122,7 +124,7 @@ def in_plane_poses(
 
     def draw(n: int) -> tuple[Array, Array]:
         centres = points_in_sheet(rig, n, rng, laser)
-        directions = _directions_in(rig.light_planes[laser], n, rng)
+        directions = _directions_in(rig.flat_sheet(laser, _STRAIGHT), n, rng)
         return centres - middle * directions, directions
 
     return visible_poses(rig, count, margin_px, draw, "in-plane views")
@@ -160,8 +162,7 @@ def crossing_poses(
 
 def crossing_spots(plane: LightPlane, origins: Array, directions: Array) -> Array:
     """Points ``(N, 3)`` in which lines from ``(N, 3)`` along ``(N, 3)`` meet a sheet."""
-    along = (plane.distance_mm - origins @ plane.normal) / (directions @ plane.normal)
-    return origins + along[:, None] * directions
+    return origins + plane.along(origins, directions)[:, None] * directions
 
 
 def points_in_sheet(
@@ -183,7 +184,7 @@ def points_in_sheet(
     points[:, drawn] = (pixel - centre) / focal * z
     rest = plane.distance_mm - plane.normal[drawn] * points[:, drawn] - plane.normal[2] * z
     points[:, solved] = rest / plane.normal[solved]
-    return points
+    return points if plane.curvature is None else plane.intersect(points / points[:, 2:])
 
 
 def segments_in_sheet(
@@ -200,7 +201,7 @@ def segments_in_sheet(
 
     def draw(n: int) -> tuple[Array, Array]:
         centres = points_in_sheet(rig, n, rng, laser)
-        directions = _directions_in(rig.light_planes[laser], n, rng)
+        directions = _directions_in(rig.flat_sheet(laser, _STRAIGHT), n, rng)
         origins = centres - length_mm / 2 * directions
         z = np.stack([origins[:, 2], (origins + length_mm * directions)[:, 2]])
         good = (z.min(axis=0) >= nearest) & (z.max(axis=0) <= farthest)
@@ -271,7 +272,7 @@ def crossed_targets(
     ``(crossing_views, lasers, 3)``, NaN but for this laser's."""
     poses = crossing_poses(rig, recording.crossing_views, rng, laser=laser)
     spots = np.full((recording.crossing_views, len(rig.light_planes), 3), np.nan)
-    spots[:, laser] = crossing_spots(rig.light_planes[laser], *poses)
+    spots[:, laser] = spots_of_light(rig, laser, *poses)
     return target_points(*poses, rig.target.positions), spots
 
 

@@ -12,6 +12,7 @@ from sheetoflight.model.board import Board
 from sheetoflight.model.camera import Camera
 from sheetoflight.model.light_plane import LightPlane
 from sheetoflight.model.target import CollinearTarget
+from sheetoflight.simulation.light_cone import LightCone
 
 
 @dataclass(frozen=True)
@@ -22,7 +23,7 @@ class SimulatedRig:
     ----------
     camera : Camera
     light_planes : tuple of LightPlane
-        The sheets of light, one of each laser.
+        The sheets of light, one of each laser; flat or curved.
     target : CollinearTarget
     anchor_mm : (3,) array
         Where marker 0 is fixed while the target pivots, camera frame.
@@ -32,11 +33,14 @@ class SimulatedRig:
         Nearest and farthest Z of targets and objects in a sheet.
     board : PlanarBoard or SolidTarget, optional
         What is held across the sheets in stage board.
+    cones : tuple of (LightCone or None)
+        Of each laser whose light is a true cone, that; its `light_planes` is then no more than
+        the plane near which lines on boards are sought. Empty where there is none.
 
     Raises
     ------
     InputError
-        If there is no sheet of light, or two have one name.
+        If there is no sheet of light, two have one name, or not every laser has its cone or None.
     """
 
     camera: Camera
@@ -46,6 +50,7 @@ class SimulatedRig:
     projector_mm: Array = field(default_factory=lambda: np.zeros(3))
     depth_mm: tuple[float, float] = (900.0, 1300.0)
     board: Board | None = None
+    cones: tuple[LightCone | None, ...] = ()
 
     def __post_init__(self) -> None:
         names = [plane.name for plane in self.light_planes]
@@ -54,11 +59,49 @@ class SimulatedRig:
                 f"the sheets of light are called {names}",
                 "give at least one, and each a name of its own",
             )
+        if self.cones and len(self.cones) != len(names):
+            raise InputError(
+                f"{len(names)} sheets of light have {len(self.cones)} cones",
+                "give a cone or None for each, or none at all",
+            )
 
     @property
     def light_plane(self) -> LightPlane:
         """The first sheet of light."""
         return self.light_planes[0]
+
+    def surface(self, laser: int) -> LightPlane | LightCone:
+        """What the light of a laser really is."""
+        cone = self.cones[laser] if self.cones else None
+        return self.light_planes[laser] if cone is None else cone
+
+    def flat_sheet(self, laser: int, what: str) -> LightPlane:
+        """The sheet of a laser where only a flat one will do.
+
+        Raises
+        ------
+        InputError
+            If it is curved; `what` says what wants it flat.
+        """
+        if not self.is_flat(laser):
+            raise InputError(
+                f"the sheet of light '{self.light_planes[laser].name}' is curved, and {what}",
+                "simulate boards or crossing views, or a flat sheet",
+            )
+        return self.light_planes[laser]
+
+    def heights(self, points: Array, lasers: np.ndarray) -> Array:
+        """How far points ``(P, 3)`` lie off the sheets of lasers ``(P,)``, mm."""
+        heights = np.empty(len(points))
+        for laser in range(len(self.light_planes)):
+            own = lasers == laser
+            heights[own] = self.surface(laser).heights(points[own])
+        return heights
+
+    def is_flat(self, laser: int) -> bool:
+        """Whether the light of a laser is a plane."""
+        surface = self.surface(laser)
+        return isinstance(surface, LightPlane) and surface.curvature is None
 
 
 def field_centre(rig: SimulatedRig, laser: int = 0) -> Array:

@@ -10,15 +10,15 @@ import numpy as np
 from sheetoflight.errors import InputError
 from sheetoflight.geometry.directions import Array, normalised
 from sheetoflight.model.board import PlanarBoard
-from sheetoflight.simulation.board_lines import chords, face_outlines
+from sheetoflight.simulation.board_lines import face_outlines, line_ends
 from sheetoflight.simulation.board_poses import BoardHolding, board_poses, placed_points
 from sheetoflight.simulation.board_surface import board_border, board_surface
 from sheetoflight.simulation.clutter import clutter
+from sheetoflight.simulation.curved_lines import spots_of_light
 from sheetoflight.simulation.holding import Holding, held
 from sheetoflight.simulation.picture import PictureTask, ViewOptions
 from sheetoflight.simulation.poses import (
     crossing_poses,
-    crossing_spots,
     in_plane_poses,
     pivot_poses,
     segments_in_sheet,
@@ -158,7 +158,7 @@ class Studio:
     def _spots(self, points: Array) -> Array:
         """Where the sheet meets targets ``(n, M, 3)``: ``(n, 3)``, mm."""
         along = normalised(points[:, -1] - points[:, 0])
-        return crossing_spots(self._rig.light_plane, points[:, 0], along)
+        return spots_of_light(self._rig, 0, points[:, 0], along)
 
     def _target(self, laser: bool) -> Holding:
         return self._holding(self._rig.target.marker_size_mm / 2, laser)
@@ -191,7 +191,7 @@ class Studio:
     ) -> PictureTask:
         pose = rotation[None], translation[None]
         (outline,) = face_outlines(board)
-        (ends,) = chords(placed_points(outline, *pose), self._rig.light_plane)
+        ends = line_ends(placed_points(outline, *pose)[0], self._rig)
         truth = {
             "camera_from_target": {
                 "rotation": rotation.tolist(),

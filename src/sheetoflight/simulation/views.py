@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from sheetoflight.model.board import PlanarBoard
+from sheetoflight.model.light_plane import LightPlane
 from sheetoflight.simulation.picture import PictureTask, SimulatedPicture, ViewOptions
 from sheetoflight.simulation.render import render
 from sheetoflight.simulation.rig import SimulatedRig
@@ -97,7 +98,8 @@ def folder_truth(rig: SimulatedRig, tasks: Sequence[PictureTask]) -> dict[str, A
     Returns
     -------
     dict
-        ``camera`` (image_size, matrix, distortion), ``light_plane`` (normal, distance_mm),
+        ``camera`` (image_size, matrix, distortion), ``light_plane`` (normal, distance_mm,
+        of a curved one its curvature as in ``calibration.json``),
         ``projector_mm``, ``anchor_mm``, ``target`` (markers_mm), ``board`` where the rig has a
         flat one, and under ``views``, by stage and view name, the truth of each view.
     """
@@ -115,6 +117,7 @@ def folder_truth(rig: SimulatedRig, tasks: Sequence[PictureTask]) -> dict[str, A
             "name": plane.name,
             "normal": plane.normal.tolist(),
             "distance_mm": plane.distance_mm,
+            **_curvature_truth(plane),
         },
         "projector_mm": rig.projector_mm.tolist(),
         "anchor_mm": rig.anchor_mm.tolist(),
@@ -126,6 +129,14 @@ def folder_truth(rig: SimulatedRig, tasks: Sequence[PictureTask]) -> dict[str, A
         **_board_truth(rig),
         "views": views,
     }
+
+
+def _curvature_truth(plane: LightPlane) -> dict[str, Any]:
+    bend = plane.curvature
+    if bend is None:
+        return {}
+    parts = {"centre": bend.centre, "axes": bend.axes, "per_mm": bend.per_mm}
+    return {"curvature": {name: values.tolist() for name, values in parts.items()}}
 
 
 def _board_truth(rig: SimulatedRig) -> dict[str, Any]:

@@ -10,6 +10,7 @@ from typing import Any, Literal, overload
 
 from sheetoflight.calibration import methods
 from sheetoflight.calibration.camera_free_method import camera_free
+from sheetoflight.calibration.control_forms import FORMS
 from sheetoflight.calibration.match_methods import MATCH_METHODS
 from sheetoflight.calibration.methods import CAMERA_FREE, CalibrationOptions
 from sheetoflight.errors import UntrustworthyError
@@ -104,16 +105,16 @@ def calibrate(
     Parameters
     ----------
     rig : Rig
-    method : {"joint", "two-step", "paper", "rotating-camera", "moving-camera", "camera-free"}
-        See `calibration.methods.calibrate`; ``camera-free`` needs no camera stage and gives a
-        `SheetCalibration`, with which lengths on the sheet are measured.
+    method : str
+        See `calibration.methods.calibrate`; beside those ``camera-free``, which needs no camera
+        stage and gives a `SheetCalibration`, with which lengths on the sheet are measured.
     options : CalibrationOptions, optional
     """
     options = options or CalibrationOptions()
     provenance = _provenance(rig, method, options)
     if method == CAMERA_FREE:
         return replace(camera_free(rig), provenance=provenance)
-    if method == "paper" or method in MATCH_METHODS:  # rod or matches only
+    if method == "paper" or method in FORMS or method in MATCH_METHODS:  # one kind of evidence
         found = methods.calibrate(rig, method, options)
     else:
         found = _with_second_opinion(rig, method, options)

@@ -34,6 +34,7 @@ from sheetoflight.model.observations import Observations
 from sheetoflight.model.rig import Rig
 from sheetoflight.simulation.board_poses import board_poses
 from sheetoflight.simulation.board_views import photographed_boards, placed_boards
+from sheetoflight.simulation.bodies import folded_body
 from sheetoflight.simulation.poses import (
     Recording,
     photographed,
@@ -49,6 +50,13 @@ _MARGIN_PX = 10.0
 """Noise must not take the ends of a length out of the picture."""
 
 _POINTS = 200
+
+_PLATES = folded_body(points=(6, 8), pitch_mm=20.0)
+"""Two plates of 100 mm × 140 mm that meet at a ridge, 96 points in all."""
+
+_LEAST_PIECE = 10
+"""Points of a line's piece on a face below which nobody would look for it there."""
+
 _STREAMS = ("camera", "plane", "crossing", "board", "ends")
 """Random numbers of a trial: each stage has its own, so that methods that are given as many views
 of a stage are given the same."""
@@ -138,7 +146,7 @@ def _attempt(
 ) -> Attempt:
     """One method; its bound is kept for those that are given the same views."""
     seen, exact = simulated_rigs(plan, contestant, number)
-    views = (contestant.stages, contestant.board, contestant.method == CAMERA_FREE)
+    views = (contestant.stages, _shown(contestant), contestant.method == CAMERA_FREE)
     try:
         started = time.perf_counter()
         calibration = _calibrated(seen, contestant.method)
@@ -182,8 +190,9 @@ def simulated_rigs(plan: Contest, contestant: Contestant, number: int) -> tuple[
         _rods(plan, stage, count, number) for stage, count in views.items() if stage != "board"
     ]
     seen, exact = (_joined([pair[which] for pair in pairs]) for which in range(2))
-    if contestant.board is not None and "board" in views:
-        boards = _boards(plan, contestant.board, views["board"], number)
+    board = _shown(contestant)
+    if board is not None and "board" in views:
+        boards = _boards(plan, board, views["board"], number)
         seen, exact = (
             replace(rods, board=own) for rods, own in zip((seen, exact), boards, strict=True)
         )
@@ -191,9 +200,14 @@ def simulated_rigs(plan: Contest, contestant: Contestant, number: int) -> tuple[
         truth.target,
         truth.camera.image_size,
         distortion=_lens_model(options.distortion),
-        board=contestant.board if "board" in views else None,
+        board=board if "board" in views else None,
     )
     return replace(rig, observations=seen), replace(rig, observations=exact)
+
+
+def _shown(contestant: Contestant) -> Board | None:
+    """What stage board shows."""
+    return _PLATES if contestant.folded else contestant.board
 
 
 def _rods(
@@ -220,7 +234,15 @@ def _boards(plan: Contest, board: Board, count: int, number: int) -> tuple[Board
     placed = placed_boards(truth, board, *poses, line_points=options.line_points)
     see: Callable[..., BoardViews] = photographed_boards
     sizes = (options.pixel_std, options.line_noise)
-    return see(truth.camera, placed, rng, *sizes), see(truth.camera, placed, rng)
+    noisy, exact = see(truth.camera, placed, rng, *sizes), see(truth.camera, placed, rng)
+    return _without_scraps(noisy), _without_scraps(exact)
+
+
+def _without_scraps(views: BoardViews) -> BoardViews:
+    """The views without pieces of the line that hardly touch a face."""
+    pieces = [own for own in views.line.groups() if len(own) >= _LEAST_PIECE]
+    kept = np.sort(np.concatenate([np.zeros(0, dtype=int), *pieces]))
+    return replace(views, line=views.line.take(kept))
 
 
 def _lens_model(distortion: tuple[float, ...]) -> str:

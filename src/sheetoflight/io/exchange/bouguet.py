@@ -14,7 +14,7 @@ import numpy as np
 
 from sheetoflight.errors import InputError
 from sheetoflight.geometry.directions import Array
-from sheetoflight.io.exchange.exchanged import Exchanged, Source, lost_uncertainty
+from sheetoflight.io.exchange.exchanged import Exchanged, Source, lost_curvature, lost_uncertainty
 from sheetoflight.io.exchange.mat_reading import Value, mat_variables, real_numbers
 from sheetoflight.io.exchange.mat_writing import mat_bytes
 from sheetoflight.io.exchange.values import brown, camera_of, counted_numbers, image_size
@@ -75,7 +75,7 @@ def written(source: Source) -> tuple[bytes, tuple[str, ...]]:
         "KK": camera.matrix,
         **(_plane_variables(source.light_planes) if source.light_planes else {}),
     }
-    return mat_bytes(variables), lost_uncertainty(source)
+    return mat_bytes(variables), lost_curvature(source) + lost_uncertainty(source)
 
 
 def _plane_variables(planes: Sequence[LightPlane]) -> dict[str, Any]:

@@ -21,7 +21,7 @@ from sheetoflight.io.exchange.mat_reading import (
     mat_variables,
     real_numbers,
 )
-from sheetoflight.io.exchange.values import named
+from sheetoflight.io.exchange.values import image_size, named
 from sheetoflight.io.reading import read_bytes
 from sheetoflight.model.board_views import BoardViews
 
@@ -64,6 +64,24 @@ def read_bouguet_corners(path: str | Path) -> tuple[Array, BoardViews]:
         active = _active(found)
         views = {k: _view(found, k) for k in numbers if k not in active or active[k]}
         return _joined({k: view for k, view in views.items() if len(view[0])})
+
+
+def bouguet_image_size(path: str | Path) -> tuple[int, int] | None:
+    """Width and height of the pictures, nx and ny; None where the file does not say them.
+
+    Raises
+    ------
+    FileError
+        If the file cannot be read, or is no MATLAB file of version 5.
+    InputError
+        If they are no whole numbers above zero.
+    """
+    with named(path):
+        found = mat_variables(read_bytes(path, LIMIT_BYTES), ("nx", "ny"))
+        if len(found) < 2:
+            return None
+        sides = [real_numbers(found, name).ravel().tolist() for name in ("nx", "ny")]
+        return image_size([side for of_one in sides for side in of_one], "nx, ny")
 
 
 def _active(found: dict[str, Value]) -> dict[int, bool]:

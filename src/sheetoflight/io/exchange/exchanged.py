@@ -9,6 +9,7 @@ import numpy as np
 
 from sheetoflight.errors import InputError
 from sheetoflight.io.exchange.lens_fit import picture_grid
+from sheetoflight.io.quoting import one_line
 from sheetoflight.model.calibration import Calibration, Residuals
 from sheetoflight.model.camera import Camera
 from sheetoflight.model.covariance import Covariance
@@ -89,6 +90,18 @@ def lost_uncertainty(source: Source) -> tuple[str, ...]:
     """The note that the covariance has no place in a file; none where there is no covariance."""
     known = isinstance(source, Calibration) and bool(source.covariance.parameters)
     return ("the uncertainties of camera and light plane have no place in it",) if known else ()
+
+
+def lost_curvature(source: Source) -> tuple[str, ...]:
+    """The note that the bend of curved sheets has no place in a file that holds light planes; none
+    where all are flat."""
+    curved = [plane.name for plane in source.light_planes if plane.curvature is not None]
+    if not curved:
+        return ()
+    names = one_line(", ".join(curved))
+    return (
+        f"the curvature of {names} has no place in it: what it holds is the plane it bends from",
+    )
 
 
 def lost_planes(source: Source) -> tuple[str, ...]:

@@ -13,7 +13,13 @@ from collections.abc import Mapping
 from pathlib import Path
 
 from sheetoflight.errors import InputError
-from sheetoflight.io.exchange.exchanged import Exchanged, Source, lost_uncertainty, skew_lost_px
+from sheetoflight.io.exchange.exchanged import (
+    Exchanged,
+    Source,
+    lost_curvature,
+    lost_uncertainty,
+    skew_lost_px,
+)
 from sheetoflight.io.exchange.halcon_lens import (
     HalconCamera,
     camera_from_halcon,
@@ -122,7 +128,7 @@ def written(source: Source, pixel_um: float = PIXEL_UM) -> tuple[str, tuple[str,
     planes = [_plane_line(plane) for plane in source.light_planes]
     body = ["# INTERNAL CAMERA PARAMETERS", *planes, "", "ParGroup: Camera: Parameter;"]
     body += ['  "Internal camera parameters";', "", *_parameter_lines(halcon)]
-    return "\n".join(body) + "\n", notes + lost_uncertainty(source)
+    return "\n".join(body) + "\n", notes + lost_curvature(source) + lost_uncertainty(source)
 
 
 def _parameter_lines(halcon: HalconCamera) -> list[str]:

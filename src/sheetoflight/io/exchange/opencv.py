@@ -12,7 +12,7 @@ from collections.abc import Iterable, Mapping
 import numpy as np
 
 from sheetoflight.errors import FileError, InputError
-from sheetoflight.io.exchange.exchanged import Exchanged, Source, lost_uncertainty
+from sheetoflight.io.exchange.exchanged import Exchanged, Source, lost_curvature, lost_uncertainty
 from sheetoflight.io.exchange.foreign_xml import xml_document
 from sheetoflight.io.exchange.foreign_yaml import yaml_document
 from sheetoflight.io.exchange.values import (
@@ -101,7 +101,7 @@ def written(source: Source, ending: str) -> tuple[str, tuple[str, ...]]:
     _refuse_unsayable(source)
     text = _stored(source, ending)
     _check_names(source, text, ending)
-    notes = lost_uncertainty(source)
+    notes = lost_curvature(source) + lost_uncertainty(source)
     if source.camera.gamma:
         notes += ("camera_matrix holds the skew, which OpenCV's own functions ignore",)
     return text, notes
