@@ -15,7 +15,9 @@ from sheetoflight.calibration.methods import calibrate
 from sheetoflight.calibration.noise import NoiseModel, noise_model
 from sheetoflight.calibration.rig_state import RigState
 from sheetoflight.geometry.directions import tangent_basis
+from sheetoflight.geometry.rotations import rotation
 from sheetoflight.model.board import PlanarBoard
+from sheetoflight.model.board_views import BoardViews, LinePixels
 from sheetoflight.model.calibration import Calibration
 from sheetoflight.model.rig import Rig
 from sheetoflight.simulation.board_faults import lines_beyond, shifted_lines
@@ -238,3 +240,29 @@ def test_components_have_places_of_their_own() -> None:
         "line",
         "shape",
     ]
+
+
+def test_edges_of_the_pattern_are_no_light() -> None:
+    """A row of the pattern lies in one plane in all views of boards that are turned about it and
+    about the upright; without the laser, pictures show no better lines."""
+    rng = np.random.default_rng(12)
+    truth = board_rig()
+    board, count = truth.board, 10
+    assert isinstance(board, PlanarBoard)
+    tilts, turns = rng.uniform(-0.6, 0.6, (2, count, 1)) * np.eye(3)[[0, 1]][:, None]
+    rotations = rotation(turns) @ rotation(tilts)
+    row = board.points.reshape(board.rows, board.columns, 3)[3]
+    middle = np.column_stack([rng.uniform(-50, 50, count), [60.0] * count, [1000.0] * count])
+    shifts = middle - rotations @ row.mean(axis=0)
+    uv = truth.camera.project(board.points @ np.swapaxes(rotations, 1, 2) + shifts[:, None])
+    uv += rng.normal(scale=0.1, size=uv.shape)
+    ends = uv.reshape(count, board.rows, board.columns, 2)[:, 3]
+    share = np.linspace(0.0, 1.0, 60)[:, None]
+    edges = np.concatenate([one[0] + share * (one[-1] - one[0]) for one in ends])
+    edges += rng.normal(scale=0.2, size=edges.shape)
+    own, zero = np.repeat(np.arange(count), len(share)), np.zeros(len(edges), dtype=int)
+    line = LinePixels(edges, np.full(len(edges), 0.2), own, zero, zero)
+    names = tuple(f"board{number}" for number in range(count))
+    found = calibrate(rig_of(truth, BoardViews(names, uv, None, line)))
+    assert found.light_planes == ()
+    assert any("laser was off" in warning for warning in found.warnings)
