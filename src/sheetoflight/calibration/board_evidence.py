@@ -378,8 +378,8 @@ def _whitener(lines: ReducedLines, rows: LineRows, variances: Array, whole: bool
         (winding, lines.shapes),
     ):
         if variance:
-            moved = kept @ moved
-            covariance = covariance + variance * moved @ np.swapaxes(moved, 1, 2)
+            own = kept @ moved
+            covariance = covariance + variance * own @ np.swapaxes(own, 1, 2)
     return np.linalg.inv(np.linalg.cholesky(covariance)) @ kept
 
 

@@ -19,6 +19,7 @@ from sheetoflight.calibration.line_consensus import (
     agreed_pieces,
     cut_into_pieces,
     grown,
+    whole_lines,
 )
 from sheetoflight.calibration.lines_on_boards import reduced_lines
 from sheetoflight.calibration.rig_state import RigState
@@ -216,10 +217,15 @@ def _in_the_sheets(rig: Rig, state: RigState) -> tuple[Rig, tuple[str, ...]]:
     lost: list[str] = []
     for laser in np.unique(line.laser):
         lines = [own for own in line.groups() if line.laser[own[0]] == laser]
+        images = [focal * rays[own, :2] for own in lines]
+        whole = whole_lines(images)
         # on its pattern the board is sure to be, beside it only the others can tell
-        groups = [_from_the_pattern(own, focal * rays[own, :2], printed[own]) for own in lines]
+        groups = [
+            own if straight is not None else _from_the_pattern(own, image, printed[own])
+            for own, image, straight in zip(lines, images, whole, strict=True)
+        ]
         cuts = cut_into_pieces(
-            [rays[own, :2] for own in groups], focal, [printed[own] for own in groups]
+            [rays[own, :2] for own in groups], focal, [printed[own] for own in groups], whole
         )
         pieces = [
             [piece for piece in cut if not _is_printed_edge(rig.board, points[own[piece.points]])]
@@ -245,9 +251,9 @@ def _is_printed_edge(board: Board, points: Array) -> bool:
     what a picture without laser light shows best. They agree on a sheet, for boards held alike."""
     if not isinstance(board, PlanarBoard):
         return False
-    places = points[:, :2] / board.pitch_mm
-    low, high = np.quantile(places, [0.05, 0.95], axis=0)
-    middle, spread = np.median(places, axis=0), high - low
+    places = np.sort(points[:, :2] / board.pitch_mm, axis=0)
+    low, middle, high = places[(len(places) * np.array([0.05, 0.5, 0.95])).astype(int)]
+    spread = high - low
     aligned = (np.abs(middle - np.rint(middle)) < _ON_EDGE) & (spread < 2.0 * _ON_EDGE)
     return bool((aligned & (spread[::-1] > 1.0)).any())
 

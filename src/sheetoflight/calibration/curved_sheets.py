@@ -9,6 +9,7 @@ board that is bent in one view, or a line that winds, is no reason to bend the s
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -22,7 +23,11 @@ from sheetoflight.calibration.noise import NoiseModel
 from sheetoflight.calibration.rig_state import RigState, SheetBends, bend_names
 from sheetoflight.errors import UntrustworthyError
 from sheetoflight.estimation.block_least_squares import scaled_inverse
-from sheetoflight.estimation.variance_components import reduced_model, variance_components
+from sheetoflight.estimation.variance_components import (
+    Contrasts,
+    reduced_model,
+    variance_components,
+)
 from sheetoflight.geometry.directions import Array
 
 _ODDS = 1e-4
@@ -99,24 +104,33 @@ def _odds_of_flat(fit: Fit, state: RigState) -> float:
         adjustment.whiteners,
         boards,
     )
-    acting = np.isin(np.arange(len(COMPONENTS)), _NOISE_PARTS)
-    noise = replace(fit.noise, free=fit.noise.free | acting)
-    start = np.where(acting, np.maximum(fit.noise.variances, 1e-12), fit.noise.variances)
-    groups = noise.contrasts(wide, state, {})
-    size = len(parameters)
     freedom = _PER_LINE * len(boards.lines) - _PARTS * (len(state.distances) + len(names) // _PARTS)
     if freedom < 1:
         return 1.0
+    acting = np.isin(np.arange(len(COMPONENTS)), _NOISE_PARTS)
+    noise = replace(fit.noise, free=fit.noise.free | acting)
+    groups = noise.contrasts(wide, state, {})
+    sizes, count = fit.noise.variances, len(names)
     try:
-        sizes = variance_components(groups, size, start, noise.free).sizes
-        model = reduced_model(groups, size, sizes)
-        covariance = scaled_inverse(model.information)[0]
-        own = np.arange(size - len(names), size)
-        bends = -(covariance @ model.gradient)[own]
-        squares = float(bends @ np.linalg.solve(covariance[np.ix_(own, own)], bends))
+        without = np.where(acting, 0.0, sizes)
+        odds = _odds(groups, len(parameters), without, count, freedom)
+        if odds > _ODDS:  # any noise of whole lines would only make them larger
+            return odds
+        start = np.where(acting, np.maximum(sizes, 1e-12), sizes)
+        sizes = variance_components(groups, len(parameters), start, noise.free).sizes
+        return _odds(groups, len(parameters), sizes, count, freedom)
     except np.linalg.LinAlgError:  # the lines do not tell
         return 1.0
-    return float(fdtrc(len(names), freedom, max(squares, 0.0) / len(names)))
+
+
+def _odds(groups: Sequence[Contrasts], size: int, sizes: Array, bends: int, freedom: int) -> float:
+    """Odds of chance of bends, the last of the parameters, as large as they come out."""
+    model = reduced_model(groups, size, sizes)
+    covariance = scaled_inverse(model.information)[0]
+    own = slice(size - bends, size)
+    found = -(covariance @ model.gradient)[own]
+    squares = float(found @ np.linalg.solve(covariance[own, own], found))
+    return float(fdtrc(bends, freedom, max(squares, 0.0) / bends))
 
 
 def _in_words(fit: Fit, odds: float) -> tuple[str, ...]:

@@ -232,7 +232,9 @@ def _with_components(fit: Fit, free: np.ndarray, stage: str) -> Fit:
         settled_now = _alike(found.sizes[acting], variances[acting])
         variances = start = found.sizes
         if settled_now:
-            break
+            final = Fit(rig, adjustment, solution, noise.with_variances(variances), spread)
+            vars(final)["contrasts"] = groups  # at this state: they need not be made again
+            return final
         weighted = noise.with_variances(variances)
         adjustment = weighted.adjustment(
             rig, adjustment.stages, adjustment.parameters, solution.state

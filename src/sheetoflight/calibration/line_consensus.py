@@ -96,7 +96,10 @@ class Piece:
 
 
 def cut_into_pieces(
-    lines: list[Array], focal: float, preferred: list[np.ndarray]
+    lines: list[Array],
+    focal: float,
+    preferred: list[np.ndarray],
+    whole: list[np.ndarray | None],
 ) -> list[list[Piece]]:
     """Cut lines into straight pieces, the one that counts most first.
 
@@ -108,8 +111,9 @@ def cut_into_pieces(
         px per unit of these.
     preferred : list of (K,) masks
         Points on the printed part of the board.
+    whole : list of (K,) masks or None
+        For lines that are of one piece its points; see `whole_lines`.
     """
-    whole = _whole_lines([focal * xy for xy in lines])
     return [
         _straight_pieces(xy, focal, own, number)
         if points is None
@@ -118,7 +122,7 @@ def cut_into_pieces(
     ]
 
 
-def _whole_lines(lines: list[Array]) -> list[np.ndarray | None]:
+def whole_lines(lines: list[Array]) -> list[np.ndarray | None]:
     """For each line the mask of its points that agree with one straight line, where nearly all
     do: most lines are of one piece, and all of them are looked at together."""
     some = np.zeros((len(lines), _ENOUGH, 2))

@@ -90,7 +90,8 @@ def influence(fit: Fit, names: Sequence[str], stage: str) -> Influence:
     """
     size = fit.adjustment.shared_size
     markers = len(fit.adjustment.positions)
-    model = fit.model(marker_moves(fit))
+    asked = bool(fit.adjustment.stages) or (fit.rig.board is not None and fit.rig.board.scale_std)
+    model = fit.model(marker_moves(fit) if asked else None)
     chosen = fit.adjustment.columns_of(names)
     try:
         gain = fit.covariance[chosen]
@@ -105,8 +106,10 @@ def influence(fit: Fit, names: Sequence[str], stage: str) -> Influence:
         source = NOISE_SOURCES.get(k) or STAGE_SOURCES[stages[place]]
         estimated = fit.size_covariance[k, k] > 0
         noise.append((source, COMPONENTS[k] if estimated else None, part))
-    by_marker = -gain @ model.information[:size, size : size + markers]
-    by_size = -gain @ model.information[:size, size + markers]
+    by_marker, by_size = np.zeros((len(names), markers)), np.zeros(len(names))
+    if asked:
+        by_marker = -gain @ model.information[:size, size : size + markers]
+        by_size = -gain @ model.information[:size, size + markers]
     by_print, printed = np.zeros((len(names), 0, 3)), PrintErrors()
     if fit.adjustment.boards is not None:
         now = fit.noise.adjustment(
