@@ -92,6 +92,50 @@ def test_a_cone_is_found_told_and_measured_with() -> None:
     assert rms_error(found, truth, points) < 0.25 * rms_error(as_plane, truth, points)
 
 
+def bowed(rig: SimulatedRig, seed: int) -> Rig:
+    """What is seen of a board that is bent by 0.2 mm, on a flat sheet."""
+    board = rig.board
+    assert board is not None
+    turns, shifts = board_poses(rig, board, 12, np.random.default_rng(7))
+    half = board.points[:, 0].max() / 2.0
+    along = (board.points[:, 0] - half) / half
+    bent = board.points + np.outer(0.2 * (1.0 - along**2), [0.0, 0.0, 1.0])
+    views = seen(rig, seed).observations.board
+    noise = views.uv - rig.camera.project(board.points @ np.swapaxes(turns, 1, 2) + shifts[:, None])
+    uv = noise + rig.camera.project(bent @ np.swapaxes(turns, 1, 2) + shifts[:, None])
+    lines = []
+    for view, (turn, shift) in enumerate(zip(turns, shifts, strict=True)):
+        pixels = views.line.uv[views.line.view == view]
+        rays = rig.camera.unproject(pixels)
+        own = (rays * (turn[:, 2] @ shift / (rays @ turn[:, 2]))[:, None] - shift) @ turn
+        raised = own + np.outer(0.2 * (1.0 - ((own[:, 0] - half) / half) ** 2), [0.0, 0.0, 1.0])
+        # along the sheet and the board's rows: where the raised board meets the light again
+        points, normal = raised @ turn.T + shift, rig.light_planes[0].normal
+        step = (rig.light_planes[0].distance_mm - points @ normal) / (turn[:, 0] @ normal)
+        lines.append(rig.camera.project(points + np.outer(step, turn[:, 0])))
+    line = replace(views.line, uv=np.concatenate(lines))
+    known = Observations(board=replace(views, uv=uv, line=line))
+    return replace(seen(rig, seed), observations=known)
+
+
+def test_a_bent_board_does_not_bend_the_sheet() -> None:
+    """Its lines are bowed as those of a curved sheet are; its points tell which it is."""
+    found = calibrate(bowed(FLAT, 0))
+    assert found.light_plane.curvature is None
+    assert any("the board itself is bent" in warning for warning in found.warnings)
+
+
+def test_a_flat_sheet_beside_a_curved_one_stays_flat() -> None:
+    truth = cone(88.8)
+    flat = replace(FLAT.light_planes[0], name="flat")
+    both = replace(truth, light_planes=(*truth.light_planes, flat), cones=(*truth.cones, None))
+    rig = replace(seen(both, 0, views=16), lasers=("laser", "flat"))
+    found = calibrate(rig)
+    assert [plane.curvature is not None for plane in found.light_planes] == [True, False]
+    assert any("laser is curved" in warning for warning in found.warnings)
+    assert "flat.kxx" not in found.covariance.parameters
+
+
 def test_a_flat_sheet_stays_flat() -> None:
     found = calibrate(seen(FLAT, 0))
     assert found.light_plane.curvature is None
@@ -104,7 +148,7 @@ def test_the_odds_of_a_flat_sheet_are_odds() -> None:
     odds = []
     for seed in range(40):
         fit = flat_fit(seen(FLAT, 100 + seed, views=8))
-        odds.append(_odds_of_flat(fit, replace(fit.state, bends=_unbent(fit))))
+        odds.append(float(_odds_of_flat(fit, replace(fit.state, bends=_unbent(fit)))[0]))
     assert kstest(odds, "uniform").pvalue > 1e-3
 
 

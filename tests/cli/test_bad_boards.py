@@ -87,6 +87,16 @@ def test_one_wrong_picture_is_named_and_left_out(
     expect_truth(calibrate({**good, "b3.png": picture()}), told)
 
 
+@pytest.mark.parametrize(
+    ("columns", "rows", "said"), [(-1, 1, "mirrored"), (-1, -1, "turned upside down")]
+)
+def test_one_picture_put_in_reversed_is_named_and_left_out(
+    good: dict[str, np.ndarray], calibrate: Calibrate, columns: int, rows: int, said: str
+) -> None:
+    reversed_one = {"b3.png": good["b3.png"][::rows, ::columns]}
+    expect_truth(calibrate(good | reversed_one), f"view b3 of stage board (the picture is {said})")
+
+
 def test_a_wrong_picture_of_those_without_line_is_named(
     good: dict[str, np.ndarray], calibrate: Calibrate
 ) -> None:
@@ -259,4 +269,4 @@ def test_a_sheet_through_the_camera_is_refused(
     """Its line is always at the same place in the picture, wherever the board is."""
     monkeypatch.setattr(scene, "NORMAL", np.array([1.0, 0.0, 0.0]))
     monkeypatch.setattr(scene, "DISTANCE", 0.0)
-    expect_error(calibrate(taken(BOARDS[:SOME])), 3, "distance of the sheet laser uncertain")
+    expect_error(calibrate(taken(BOARDS[:SOME])), 3, "near the camera's centre")

@@ -49,8 +49,21 @@ def test_the_bend_is_the_sagitta_of_the_farthest_point(curved: Calibration):
     said = bend_in_words(curved, plane, seen)  # ½ · 2e-5 · 100² = 0.1; ½ · 1e-6 · 100² = 0.005
     assert "curved" in said
     assert "0.1000 ± 0.0050 mm" in said
-    assert bend_in_words(curved, plane, np.empty((0, 3))).endswith("bends away from.")
+    assert bend_in_words(curved, plane, np.empty((0, 3))).endswith("bends away from that.")
     assert bend_in_words(curved, replace(plane, curvature=None), seen) == ""
+
+
+def test_the_bend_from_the_nearest_plane_is_said_too(curved: Calibration):
+    """Of a parabola ½ k x² over three places 0 and ± L, the nearest plane is k L²/6 and k L²/3
+    off."""
+    plane = curved.light_plane
+    bend = plane.curvature
+    assert bend is not None
+    along = np.repeat([-100.0, 0.0, 100.0], 3)[:, None] * bend.axes[:, 0]
+    across = np.tile([-100.0, 0.0, 100.0], 3)[:, None] * bend.axes[:, 1]
+    seen = bend.centre + along + across
+    seen += bend.heights(seen)[:, None] * plane.normal
+    assert bend_in_words(curved, plane, seen).endswith("from the plane nearest to it, by 0.067 mm.")
 
 
 def test_the_curvatures_stand_beside_normal_and_distance(curved: Calibration):

@@ -22,6 +22,7 @@ from sheetoflight.calibration.line_consensus import (
     whole_lines,
 )
 from sheetoflight.calibration.lines_on_boards import reduced_lines
+from sheetoflight.calibration.mirrored_views import mirrored_views
 from sheetoflight.calibration.rig_state import RigState
 from sheetoflight.calibration.wrong_points import FALSE_ALARM
 from sheetoflight.errors import UntrustworthyError
@@ -87,6 +88,7 @@ def screened_boards(rig: Rig) -> ScreenedBoards:
     UntrustworthyError
         If the views give no camera, or hardly a view is right.
     """
+    given = rig
     rig, wrong = _with_poses(rig)
     solution = boards_alone(rig)
     for _ in range(_ROUNDS):
@@ -107,8 +109,14 @@ def screened_boards(rig: Rig) -> ScreenedBoards:
         solution = boards_alone(rig)
     rig, solution = _honestly_weighed(rig, solution)
     state = solution.state
-    rig, stray = _in_the_sheets(rig, state)
-    return ScreenedBoards(rig, state, (*wrong, *stray))
+    lined, stray = _in_the_sheets(rig, state)
+    mirrored = mirrored_views(rig, lined)
+    if mirrored:  # they have pulled at camera and sheet
+        views = given.observations.board
+        right = np.array([name not in mirrored for name in views.names])
+        again = screened_boards(with_board_views(given, views.take(right)))
+        return replace(again, wrong=(*mirrored.values(), *again.wrong))
+    return ScreenedBoards(lined, state, (*wrong, *stray))
 
 
 def _honestly_weighed(rig: Rig, solution: Solution[RigState]) -> tuple[Rig, Solution[RigState]]:

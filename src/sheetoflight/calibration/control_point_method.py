@@ -140,4 +140,4 @@ def _require_open_sheet(camera: Fit, laser: str, normal: Array, points: Array) -
     if not pixel_std * across <= LINEAR_LIMIT * float(np.median(slopes)):
         distance = float(np.median(points @ normal))
         reach = float(np.median(np.linalg.norm(points, axis=1)))
-        raise edge_on(laser, distance, reach)
+        raise edge_on(laser, distance, reach, "board")

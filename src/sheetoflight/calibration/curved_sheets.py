@@ -16,10 +16,12 @@ import numpy as np
 from scipy.special import fdtrc
 
 from sheetoflight.calibration.adjustment import Adjustment
+from sheetoflight.calibration.board_evidence import BoardEvidence
 from sheetoflight.calibration.board_planes import ends_on_boards
 from sheetoflight.calibration.components import COMPONENTS, LINE, SHAPE
 from sheetoflight.calibration.fitting import Fit, fitted
 from sheetoflight.calibration.noise import NoiseModel
+from sheetoflight.calibration.printed_points import print_errors
 from sheetoflight.calibration.rig_state import RigState, SheetBends, bend_names
 from sheetoflight.errors import UntrustworthyError
 from sheetoflight.estimation.block_least_squares import scaled_inverse
@@ -29,6 +31,7 @@ from sheetoflight.estimation.variance_components import (
     variance_components,
 )
 from sheetoflight.geometry.directions import Array
+from sheetoflight.model.sheet_curvature import SheetCurvature
 
 _ODDS = 1e-4
 """Odds of chance below which a sheet is taken to be curved."""
@@ -62,18 +65,47 @@ def curved(fit: Fit, noise: NoiseModel) -> tuple[Fit, tuple[str, ...]]:
         return fit, ()
     state = replace(fit.state, bends=_unbent(fit))
     odds = _odds_of_flat(fit, state)
-    if odds > _ODDS:
+    bent = np.flatnonzero(odds <= _ODDS)
+    if not len(bent):
         return fit, ()
-    if fit.adjustment.stages:
-        return fit, (_rods_are_flat(odds),)
-    names = (*fit.adjustment.parameters, *bend_names(len(state.distances)))
+    for reason in (_bent_board(boards, fit.state), _rods(fit)):
+        if reason:
+            return fit, tuple(_kept_flat(fit.rig.lasers[k], odds[k], reason) for k in bent)
+    names = bend_names(len(odds))
+    own = (name for k in bent for name in names[_PARTS * k : _PARTS * (k + 1)])
+    free = (*fit.adjustment.parameters, *own)
     try:
-        bent = fitted(fit.rig, {}, names, state, noise, "board")
+        found = fitted(fit.rig, fit.adjustment.stages, free, state, noise, "board")
     except UntrustworthyError:
-        return fit, ()
-    if not bent.solution.converged:
-        return fit, ()
-    return bent, _in_words(bent, odds)
+        found = fit
+    if found is fit or not found.solution.converged:
+        reason = "its curvature does not come out of these lines – take more views"
+        return fit, tuple(_kept_flat(fit.rig.lasers[k], odds[k], reason) for k in bent)
+    return found, _in_words(found, odds)
+
+
+def _bent_board(boards: BoardEvidence, state: RigState) -> str:
+    """A bent board bows its lines as a curved sheet would; its points tell that it is bent."""
+    bow = print_errors(boards, state).out_of_plane_mm
+    if not bow:
+        return ""
+    return (
+        f"the board itself is bent (points {bow:.2g} mm out of its plane), which looks the same – "
+        "use a flat board"
+    )
+
+
+def _rods(fit: Fit) -> str:
+    if not {"plane", "crossing"} & set(fit.adjustment.stages):
+        return ""
+    return "rods can tell planes only – calibrate with the boards alone"
+
+
+def _kept_flat(laser: str, odds: float, reason: str) -> str:
+    return (
+        f"the lines of the sheet {laser} are bent as those of a curved one (odds of a flat one: "
+        f"{odds:.0e}), yet it is taken to be flat: {reason}"
+    )
 
 
 def _unbent(fit: Fit) -> SheetBends:
@@ -89,8 +121,9 @@ def _unbent(fit: Fit) -> SheetBends:
     return SheetBends(centres, np.zeros((len(centres), _PARTS)))
 
 
-def _odds_of_flat(fit: Fit, state: RigState) -> float:
-    """Odds that flat sheets look as curved as these: Wald's test of the bends at 0."""
+def _odds_of_flat(fit: Fit, state: RigState) -> Array:
+    """Odds ``(S,)`` that flat sheets look as curved as these: Wald's test of each one's bends at
+    0, those of the others being free."""
     adjustment, names = fit.adjustment, bend_names(len(state.distances))
     boards = adjustment.boards
     assert boards is not None
@@ -105,8 +138,9 @@ def _odds_of_flat(fit: Fit, state: RigState) -> float:
         boards,
     )
     freedom = _PER_LINE * len(boards.lines) - _PARTS * (len(state.distances) + len(names) // _PARTS)
+    flat = np.ones(len(state.distances))
     if freedom < 1:
-        return 1.0
+        return flat
     acting = np.isin(np.arange(len(COMPONENTS)), _NOISE_PARTS)
     noise = replace(fit.noise, free=fit.noise.free | acting)
     groups = noise.contrasts(wide, state, {})
@@ -114,7 +148,7 @@ def _odds_of_flat(fit: Fit, state: RigState) -> float:
     try:
         without = np.where(acting, 0.0, sizes)
         odds = _odds(groups, len(parameters), without, count, freedom)
-        if odds > _ODDS:  # any noise of whole lines would only make them larger
+        if (odds > _ODDS).all():  # any noise of whole lines would only make them larger
             return odds
         start = np.where(acting, np.maximum(sizes, 1e-12), sizes)
         sizes = variance_components(groups, len(parameters), start, noise.free).sizes
@@ -128,38 +162,33 @@ def _odds(groups: Sequence[Contrasts], size: int, sizes: Array, bends: int, free
     model = reduced_model(groups, size, sizes)
     covariance = scaled_inverse(model.information)[0]
     own = slice(size - bends, size)
-    found = -(covariance @ model.gradient)[own]
-    squares = float(found @ np.linalg.solve(covariance[own, own], found))
-    return float(fdtrc(bends, freedom, max(squares, 0.0) / bends))
+    found = -(covariance @ model.gradient)[own].reshape(-1, _PARTS)
+    sheets = range(len(found))
+    spread = covariance[own, own].reshape(len(found), _PARTS, len(found), _PARTS)
+    parts = np.array([found[k] @ np.linalg.solve(spread[k, :, k], found[k]) for k in sheets])
+    return np.asarray(fdtrc(_PARTS, freedom, np.maximum(parts, 0.0) / _PARTS))
 
 
-def _in_words(fit: Fit, odds: float) -> tuple[str, ...]:
-    """How far each sheet bends where it was seen."""
+def _in_words(fit: Fit, odds: Array) -> tuple[str, ...]:
+    """How far each curved sheet bends where it was seen."""
     ends, laser = ends_on_boards(fit.rig, fit.state)
     told = []
     for number, plane in enumerate(fit.state.light_planes(fit.rig.lasers)):
         points = ends[laser == number].reshape(-1, 3)
         if plane.curvature is None or not len(points):
             continue
-        bend = float(np.nanmax(np.abs(_from_best_plane(plane.curvature.heights(points), points))))
+        bend = float(np.nanmax(np.abs(_from_best_plane(plane.curvature, points))))
         told.append(
             f"the sheet {plane.name} is curved: up to {bend:.2g} mm off a plane where its lines "
-            f"are (odds of a flat one looking so: {odds:.0e}); it is calibrated as curved – if the "
-            "board may be bent instead, use a flat one; with --flat a plane is fitted all the same"
+            f"are (odds of a flat one looking so: {odds[number]:.0e}); it is calibrated as curved "
+            "– with --flat a plane is fitted all the same"
         )
     return tuple(told)
 
 
-def _from_best_plane(heights: Array, points: Array) -> Array:
-    """What of heights at points ``(P, 3)`` no plane takes up."""
-    there = np.isfinite(heights)
-    design = np.column_stack([np.ones(there.sum()), points[there]])
-    return heights[there] - design @ np.linalg.lstsq(design, heights[there], rcond=None)[0]
-
-
-def _rods_are_flat(odds: float) -> str:
-    return (
-        f"the lines on the boards are bent as those of a curved sheet (odds of a flat one looking "
-        f"so: {odds:.0e}), but rods lying in the sheet can tell planes only – calibrate with the "
-        "boards alone to have it curved"
-    )
+def _from_best_plane(bend: SheetCurvature, points: Array) -> Array:
+    """How far the sheet at points ``(P, 3)`` lies from the plane that it is nearest to, mm."""
+    points = points[np.isfinite(points).all(axis=1)]
+    heights = bend.heights(points)
+    design = np.column_stack([np.ones(len(points)), bend.places(points)])
+    return heights - design @ np.linalg.lstsq(design, heights, rcond=None)[0]

@@ -9,8 +9,28 @@ import numpy as np
 from sheetoflight.calibration.components import CORNER
 from sheetoflight.calibration.fitting import Fit
 from sheetoflight.calibration.uncertainty import Influence, chained
+from sheetoflight.errors import UntrustworthyError
 from sheetoflight.geometry.directions import Array
 from sheetoflight.model.covariance import Covariance
+from sheetoflight.model.rig import Rig
+
+
+def refuse_nothing_left(rig: Rig) -> None:
+    """Refuse boards without a line of light whose camera is held.
+
+    Raises
+    ------
+    UntrustworthyError
+        If neither camera nor sheet is to be calibrated.
+    """
+    if rig.camera is not None and not rig.lasers:
+        raise UntrustworthyError(
+            "board",
+            "no line of light was found on the boards that lies in one sheet with others, so that "
+            "with a camera that is known already nothing is left to calibrate",
+            "take pictures with the laser line across the board, held at 5 or more different "
+            "places and tilts, or calibrate the camera from these views: leave out --camera",
+        )
 
 
 def by_held_camera(fit: Fit, names: tuple[str, ...]) -> tuple[Array, Fit]:

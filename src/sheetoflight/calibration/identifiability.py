@@ -23,7 +23,8 @@ from scipy.special import chdtri
 from sheetoflight.calibration.adjustment import Adjustment
 from sheetoflight.calibration.components import PIXEL
 from sheetoflight.calibration.fitting import Fit, fitted, settled
-from sheetoflight.calibration.next_view import next_view, size_of
+from sheetoflight.calibration.next_view import size_of
+from sheetoflight.calibration.remedies import advice, stage_of
 from sheetoflight.calibration.rig_state import ANCHOR, RigState
 from sheetoflight.errors import UntrustworthyError
 from sheetoflight.estimation.block_least_squares import Solution, SolverOptions
@@ -51,6 +52,9 @@ _MINIMA = 3
 _NEARLY = SolverOptions(tolerance=1e-6, iterations=80)
 """Chi-squared beside a minimum is asked for to a tenth."""
 
+_LIKE_NONE = 0.5
+"""Relative standard uncertainty of a distance that cannot be told from 0."""
+
 _TAKES_PART = 0.1
 """Component of a unit vector above which a parameter has a part in what is undetermined."""
 
@@ -64,14 +68,6 @@ _IN_WORDS = {
     "tilt2": "the direction of the sheet {laser}",
     "d": "the distance of the sheet {laser}",
 }
-
-
-_GENERAL_ADVICE = {
-    "camera": "swing the target about marker 0 to all sides: left, right, up, down, near and far",
-    "plane": "lay the target into the sheet in further positions, moved by its own length and "
-    "turned by 30° to 90°",
-}
-"""Where no next view can be computed from what is known."""
 
 
 @dataclass(frozen=True)
@@ -124,8 +120,8 @@ def determined(fit: Fit, stage: str) -> tuple[Fit, tuple[str, ...]]:
 
 def _warnings(fit: Fit, weaknesses: list[Weakness]) -> tuple[str, ...]:
     return tuple(
-        f"stage {w.stage}: {w.in_words} is known to {w.relative_std:.1%} only – "
-        f"{_advice(fit, fit.information, w)}"
+        f"stage {stage_of(fit.rig, w.stage)}: {w.in_words} is known to {w.relative_std:.1%} only – "
+        f"{advice(fit, fit.information, w.stage, w.parameter)}"
         for w in weaknesses
         if w.relative_std > WEAK
     )
@@ -142,6 +138,7 @@ def _require_little_spread(fit: Fit) -> list[Weakness]:
     weaknesses = _weaknesses(fit, covariance)
     for weakness in weaknesses:
         if not weakness.relative_std <= LINEAR_LIMIT:
+            _refuse_edge_on(fit, weakness)
             text = (
                 "leave {what} uncertain by "
                 f"{weakness.relative_std:.0%} (limit {LINEAR_LIMIT:.0%})"
@@ -152,6 +149,29 @@ def _require_little_spread(fit: Fit) -> list[Weakness]:
         text = f"hardly determine {{what}}: no convergence after {fit.solution.iterations} steps"
         raise _refusal(fit, information, max(worst, key=lambda w: w.relative_std), text)
     return worst
+
+
+def _refuse_edge_on(fit: Fit, weakness: Weakness) -> None:
+    """A sheet's distance that cannot be told from none may itself be known well."""
+    owner, part = weakness.parameter.split(".")
+    if part != "d" or weakness.relative_std < _LIKE_NONE:
+        return
+    laser = int(owner.removeprefix("sheet"))
+    distance = abs(float(fit.state.distances[laser]))
+    reach = _reach(fit)
+    if weakness.relative_std * size_of(fit.state, weakness.parameter) <= _BEYOND_DOUBT * reach:
+        raise edge_on(fit.rig.lasers[laser], distance, reach, stage_of(fit.rig, "plane"))
+
+
+def _reach(fit: Fit) -> float:
+    """How far away targets and boards typically were, mm."""
+    placed = [
+        fit.adjustment.placed(fit.state, stage).points.reshape(-1, 3)
+        for stage in fit.adjustment.stages
+    ]
+    if fit.adjustment.boards is not None:
+        placed.append(fit.state.poses["board"][:, :, 3])
+    return float(np.nanmedian(np.linalg.norm(np.concatenate(placed), axis=1)))
 
 
 def require_open_sheets(fit: Fit) -> None:
@@ -175,15 +195,17 @@ def require_open_sheets(fit: Fit) -> None:
         across = float(np.linalg.norm((inverse.T @ normal)[:2]))
         relative = pixel_std * across / max(float(np.median(slopes)), 1e-300)
         if not relative <= LINEAR_LIMIT:
-            raise edge_on(name, distance, float(np.median(np.linalg.norm(points, axis=1))))
+            reach = float(np.median(np.linalg.norm(points, axis=1)))
+            raise edge_on(name, distance, reach, stage_of(fit.rig, "plane"))
 
 
-def edge_on(laser: str, distance: float, reach: float) -> UntrustworthyError:
+def edge_on(laser: str, distance: float, reach: float, stage: str = "plane") -> UntrustworthyError:
     """The refusal of a sheet through or near the camera's centre."""
+    seen = "boards" if stage == "board" else "targets"
     return UntrustworthyError(
-        "plane",
+        stage,
         f"the sheet of {laser} passes through or near the camera's centre ({distance:.2g} mm from "
-        f"it, the targets are {reach:.0f} mm away), so that depth cannot be told",
+        f"it, the {seen} are {reach:.0f} mm away), so that depth cannot be told",
         "move the laser aside until the camera looks at the sheet from 15° or more",
     )
 
@@ -324,30 +346,7 @@ def _moved(fit: Fit, step: Array) -> RigState | None:
 
 def _refusal(fit: Fit, information: Array, weakness: Weakness, text: str) -> UntrustworthyError:
     return UntrustworthyError(
-        weakness.stage,
+        stage_of(fit.rig, weakness.stage),
         f"the views {text.format(what=weakness.in_words)}",
-        _advice(fit, information, weakness),
+        advice(fit, information, weakness.stage, weakness.parameter),
     )
-
-
-def _advice(fit: Fit, information: Array, weakness: Weakness) -> str:
-    """Which picture to take next."""
-    parameters = fit.adjustment.parameters
-    importance = np.zeros_like(information)
-    place = parameters.index(weakness.parameter)
-    importance[place, place] = 1.0
-    try:
-        best = next_view(
-            fit.rig,
-            fit.state,
-            fit.noise,
-            parameters,
-            np.nan_to_num(information),
-            importance,
-            weakness.stage,
-        )
-    except np.linalg.LinAlgError:
-        best = None
-    if best is None:
-        return _GENERAL_ADVICE[weakness.stage]
-    return f"next, {best.in_words}"

@@ -5,7 +5,7 @@ from __future__ import annotations
 from sheetoflight.calibration.curved_sheets import curved
 from sheetoflight.calibration.estimation_task import EstimationTask
 from sheetoflight.calibration.fitting import Fit
-from sheetoflight.calibration.held_camera import with_known_camera
+from sheetoflight.calibration.held_camera import refuse_nothing_left, with_known_camera
 from sheetoflight.calibration.identifiability import determined, require_open_sheets
 from sheetoflight.calibration.noise import NoiseModel
 from sheetoflight.calibration.outcome import Outcome
@@ -46,6 +46,7 @@ def joint(
     UntrustworthyError
         If they do not determine what is to be estimated.
     """
+    refuse_nothing_left(rig)
     fit = fit or best_fit(EstimationTask.of_everything(rig, noise, start), with_sheets)
     fit, weak = determined(fit, "joint" if rig.observations.stages() else "board")
     require_open_sheets(fit)

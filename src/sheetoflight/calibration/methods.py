@@ -25,6 +25,11 @@ from sheetoflight.calibration.paper_method import paper
 from sheetoflight.calibration.paper_plane import PaperOptions
 from sheetoflight.calibration.result import calibration_of
 from sheetoflight.calibration.screening import Screened, screened
+from sheetoflight.calibration.self_generated_method import (
+    SELF_GENERATED,
+    refuse_places,
+    self_generated,
+)
 from sheetoflight.calibration.two_step_method import two_step
 from sheetoflight.calibration.usable_views import refuse_unusable_views
 from sheetoflight.errors import InputError
@@ -86,7 +91,9 @@ def calibrate(
         ``planar-lines``, ``cross-ratio``, ``zigzag``: the camera from the boards first, then the
         plane through the line's points on them, through its crossings with rows of known points,
         or through its spots on the ridges of a solid body.
-        ``rotating-camera`` and ``moving-camera``: the camera alone, from matched points.
+        ``self-generated``: with a known camera, from points of the line on a bare plate whose
+        places in the sheet a stage tells. ``rotating-camera`` and ``moving-camera``: the camera
+        alone, from matched points.
         `calibration.camera_free_method.camera_free` needs no camera.
     options : CalibrationOptions, optional
 
@@ -97,8 +104,8 @@ def calibrate(
     UntrustworthyError
         If no trustworthy number can be had from these views.
     """
-    if method not in METHODS and method not in MATCH_METHODS:
-        known = " | ".join((*METHODS, CAMERA_FREE, *MATCH_METHODS))
+    if method not in METHODS and method not in MATCH_METHODS and method != SELF_GENERATED:
+        known = " | ".join((*METHODS, SELF_GENERATED, CAMERA_FREE, *MATCH_METHODS))
         raise InputError(f"method '{method}' is unknown", f"choose {known}")
     if not isinstance(rig, Rig):
         raise InputError(
@@ -106,7 +113,10 @@ def calibrate(
         )
     if method in MATCH_METHODS:
         return camera_from_matches(rig, method)
+    if method == SELF_GENERATED:
+        return self_generated(rig)
     refuse_matches_alone(rig, method)
+    refuse_places(rig, method)
     refuse_unusable_views(rig)
     options = options or CalibrationOptions()
     found = _screened(rig)

@@ -10,6 +10,7 @@ from sheetoflight.calibration.components import COMPONENTS, CORNER, PIXEL
 from sheetoflight.calibration.fitting import Fit
 from sheetoflight.calibration.identifiability import LINEAR_LIMIT
 from sheetoflight.calibration.outcome import Outcome
+from sheetoflight.calibration.remedies import remedy, stage_of
 from sheetoflight.calibration.uncertainty import covariance_of
 from sheetoflight.errors import UntrustworthyError
 from sheetoflight.geometry.directions import Array
@@ -39,7 +40,7 @@ def calibration_of(
     told = outcome.noise
     if told.degrees_of_freedom < 1 and rig.pixel_std is None:
         raise UntrustworthyError(
-            "camera" if method != "joint" else method,
+            stage_of(rig, "camera" if method != "joint" else method),
             "there are no more observations than unknowns, so the noise cannot be estimated",
             "take more views, or state pixel_std under [noise] in rig.toml",
         )
@@ -47,7 +48,7 @@ def calibration_of(
         outcome.influence, outcome.state, rig.lasers, rig.target, _components(told), rig.board
     )
     planes = outcome.state.light_planes(rig.lasers)
-    _refuse_beyond_linear(planes, covariance)
+    _refuse_beyond_linear(method, rig, planes, covariance)
     views = tuple(view for fit in outcome.fits for view in _view_residuals(fit))
     squares = np.concatenate([view.residuals.ravel() ** 2 for view in views])
     return Calibration(
@@ -82,19 +83,21 @@ def _components(fit: Fit) -> NoiseComponents:
     )
 
 
-def _refuse_beyond_linear(planes: Sequence[LightPlane], covariance: Covariance) -> None:
+def _refuse_beyond_linear(
+    method: str, rig: Rig, planes: Sequence[LightPlane], covariance: Covariance
+) -> None:
     """What the camera's uncertainty adds to the sheet's is known only in the end."""
     for plane in planes:
         tilt = np.sqrt(sum(covariance.std(f"{plane.name}.{part}") ** 2 for part in PLANE_PARTS[:3]))
         distance = covariance.std(f"{plane.name}.d") / plane.distance_mm
         for what, relative in (("direction", tilt), ("distance", distance)):
             if not relative <= LINEAR_LIMIT:
+                other = "" if method == "joint" else ", or use --method joint"
                 raise UntrustworthyError(
-                    "plane",
+                    stage_of(rig, "plane"),
                     f"the views leave the {what} of the sheet {plane.name} uncertain by "
                     f"{relative:.0%} (limit {LINEAR_LIMIT:.0%})",
-                    "lay the target into the sheet in further, differently turned positions, or "
-                    "use --method joint",
+                    remedy(rig, "plane") + other,
                 )
 
 

@@ -97,7 +97,10 @@ class RigState:
         if self.bends is None:
             return [None] * len(self.distances)
         bends = zip(self.bends.centres, self.frames, self.bends.per_mm, self.signs, strict=True)
-        return [SheetCurvature(c, frame[:, :2], sign * k) for c, frame, k, sign in bends]
+        return [
+            SheetCurvature(c, frame[:, :2], sign * k) if k.any() else None
+            for c, frame, k, sign in bends
+        ]
 
     @property
     def signs(self) -> Array:

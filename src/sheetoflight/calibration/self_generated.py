@@ -53,7 +53,7 @@ _APART = 3.0
 _LEAST_WEIGHED = 1e-3
 """Length of a line's first two parts, as a part of the greatest, below which none counts more."""
 
-_OUT_OF_SQUARE = 0.05
+OUT_OF_SQUARE = 0.05
 """Greatest difference of scale between the two axes of the sheet, as seen, that noise may cause."""
 
 
@@ -179,6 +179,33 @@ def self_generated_plane(sheet_points: Array, xy: Array) -> ControlledSheet:
         If the points do not span the sheet, or the image shows that the coordinates are not
         square and of one scale: the travel was then askew to the sheet or to the lines.
     """
+    H = sheet_homography(sheet_points, xy)
+    if out_of_square(H) > OUT_OF_SQUARE:
+        raise askew(H)
+    rotations, translations = pose_from_homography(np.eye(3), H[None])
+    R, t = rotations[0], translations[0]
+    distance = float(R[:, 2] @ t)
+    sign = -1.0 if distance < 0 else 1.0
+    points = sheet_points @ R[:, :2].T + t
+    points[~np.isfinite(xy).all(axis=1)] = np.nan
+    return ControlledSheet(sign * R[:, 2], sign * distance, points)
+
+
+def sheet_homography(sheet_points: Array, xy: Array) -> Array:
+    """The map ``(3, 3)`` from the sheet's coordinates to the normalised image.
+
+    Parameters
+    ----------
+    sheet_points, xy : (P, 2) arrays
+        As for `self_generated_plane`.
+
+    Raises
+    ------
+    InputError
+        If the shapes disagree.
+    UntrustworthyError
+        If the points do not span the sheet.
+    """
     if sheet_points.shape != xy.shape or sheet_points.shape[1:] != (2,):
         raise InputError(
             f"points of the sheet have shape {sheet_points.shape}, image points {xy.shape}",
@@ -191,24 +218,22 @@ def self_generated_plane(sheet_points: Array, xy: Array) -> ControlledSheet:
             "the points seen of the sheet are fewer than four, or lie on one line",
             "take the line's ends at two positions of the stage or more",
         )
-    _check_square(maps[0])
-    rotations, translations = pose_from_homography(np.eye(3), maps)
-    R, t = rotations[0], translations[0]
-    distance = float(R[:, 2] @ t)
-    sign = -1.0 if distance < 0 else 1.0
-    points = sheet_points @ R[:, :2].T + t
-    points[~np.isfinite(xy).all(axis=1)] = np.nan
-    return ControlledSheet(sign * R[:, 2], sign * distance, points)
+    return maps[0]
 
 
-def _check_square(H: Array) -> None:
-    """Refuse a map whose axes of the sheet differ in scale, or are not square."""
+def out_of_square(H: Array) -> float:
+    """By how much the axes of the sheet differ in scale, or are not square, as the map sees it: a
+    part of 1."""
     great, small = np.linalg.svd(H[:, :2], compute_uv=False)
-    if small < (1.0 - _OUT_OF_SQUARE) * great:
-        raise UntrustworthyError(
-            "plane",
-            f"the sheet's coordinates are out of square by {1.0 - small / great:.1%} as seen "
-            f"(limit {_OUT_OF_SQUARE:.0%})",
-            "give mm within the sheet: a travel askew to the sheet or to the lines is not that, "
-            "and check the camera",
-        )
+    return float(1.0 - small / great)
+
+
+def askew(H: Array) -> UntrustworthyError:
+    """The refusal of such a map."""
+    return UntrustworthyError(
+        "plane",
+        f"the sheet's coordinates are out of square by {out_of_square(H):.1%} as seen "
+        f"(limit {OUT_OF_SQUARE:.0%})",
+        "give mm within the sheet: a travel askew to the sheet or to the lines is not that, "
+        "and check the camera",
+    )

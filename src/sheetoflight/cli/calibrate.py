@@ -13,6 +13,7 @@ from rich.table import Table
 from sheetoflight.calibration.match_methods import MATCH_METHODS
 from sheetoflight.calibration.methods import CAMERA_FREE, CalibrationOptions
 from sheetoflight.calibration.paper_plane import PaperOptions
+from sheetoflight.calibration.self_generated_method import SELF_GENERATED
 from sheetoflight.cli.monte_carlo import (
     calibrate_and_check,
     monte_carlo_summary,
@@ -59,6 +60,7 @@ def calibrate(
         "planar-lines",
         "cross-ratio",
         "zigzag",
+        "self-generated",
         "camera-free",
         "rotating-camera",
         "moving-camera",
@@ -85,10 +87,11 @@ def calibrate(
         paper: triangulation, RANSAC and a genetic search, as in the paper. planar-lines,
         cross-ratio, zigzag: the camera from the boards first, then a plane through the line's
         points on them, through its crossings with rows of known points, or through its spots on
-        the ridges of a solid body. camera-free: from in-plane views alone, for lengths on the
-        sheet. rotating-camera, moving-camera: the camera alone, without any target, from points
-        matched between pictures of a camera that only turned, or was carried about (stage match
-        of points.csv).
+        the ridges of a solid body. self-generated: with --camera, from points of the line on a
+        bare plate whose places in the sheet a stage tells (columns x, y of points.csv).
+        camera-free: from in-plane views alone, for lengths on the sheet. rotating-camera,
+        moving-camera: the camera alone, without any target, from points matched between pictures
+        of a camera that only turned, or was carried about (stage match of points.csv).
     camera
         The camera, where it is known already: a calibration.json, or a file of OpenCV, ROS,
         Kalibr, HALCON or Bouguet's toolbox. It is held, and its uncertainty carried on.
@@ -125,7 +128,7 @@ def calibrate(
                 "--monte-carlo re-simulates a camera, which method camera-free does not know",
                 "use --method joint with it",
             )
-        elif method in MATCH_METHODS:
+        elif method in MATCH_METHODS or method == SELF_GENERATED:
             raise InputError(
                 f"--monte-carlo re-simulates targets, and method {method} has none",
                 "leave it out",

@@ -1,4 +1,7 @@
-"""Rows of ``points.csv`` in stage board: a board's points, and points of lines of light on it."""
+"""Rows of ``points.csv`` in stage board: a board's points, and points of lines of light on it.
+
+Without a board, points of the line alone, each with its place in the sheet (method self-generated).
+"""
 
 from __future__ import annotations
 
@@ -23,6 +26,8 @@ _PLACE_TOLERANCE = 1e-6
 
 _COORDINATES = ("x", "y", "z")
 
+_NOWHERE = (float("nan"), float("nan"))
+
 
 @dataclass
 class BoardRows:
@@ -38,7 +43,7 @@ class BoardRows:
     board: Board | None
     names: dict[str, int] = field(default_factory=dict)
     points: dict[tuple[int, int], tuple[float, float, float | None]] = field(default_factory=dict)
-    line: list[tuple[float, float, float, int, int, int]] = field(default_factory=list)
+    line: list[tuple[float, ...]] = field(default_factory=list)
 
     def add(self, row: Row, laser: int) -> None:
         """Take in a row.
@@ -52,19 +57,25 @@ class BoardRows:
         Raises
         ------
         InputError
-            If the rig has no board, the point is not on it, is given twice, or lies elsewhere.
+            If the point is not on the board, is given twice, or lies elsewhere; if the rig has no
+            board, and the row is none of the line, or does not say where in the sheet it is.
         """
-        if self.board is None:
+        on_line = row.cells["marker"].strip() == LINE
+        place = _place_in_sheet(row) if self.board is None and on_line else _NOWHERE
+        if self.board is None and place is _NOWHERE:
             raise InputError(
                 f"{row.place}: a point of stage board, but rig.toml has no [board]",
-                "describe the board there: kind, columns, rows and pitch_mm",
+                "describe the board there: kind, columns, rows and pitch_mm; only points of the "
+                "line whose places x, y in the sheet are given need none",
             )
         view = self.names.setdefault(row.text("view"), len(self.names))
         u, v, std = row.number("u"), row.number("v"), row.optional_positive("std")
-        if row.cells["marker"].strip() == LINE:
+        if on_line:
             spread = float("nan") if std is None else std
-            self.line.append((u, v, spread, view, laser, self._face(row, self.board)))
+            face = 0 if self.board is None else self._face(row, self.board)
+            self.line.append((u, v, spread, view, laser, face, *place))
             return
+        assert self.board is not None  # refused above
         point = self._point(row, self.board)
         if (view, point) in self.points:
             raise InputError(
@@ -76,9 +87,9 @@ class BoardRows:
 
     def views(self) -> BoardViews:
         """The views, in the order of their first rows."""
-        if self.board is None or not self.names:
+        if not self.names:
             return BoardViews()
-        count = len(self.board.points)
+        count = 0 if self.board is None else len(self.board.points)
         uv, std = (
             np.full((len(self.names), count, 2), np.nan),
             np.full((len(self.names), count), np.nan),
@@ -86,8 +97,8 @@ class BoardRows:
         for (view, point), (u, v, spread) in self.points.items():
             uv[view, point] = u, v
             std[view, point] = np.nan if spread is None else spread
-        table = np.array(self.line, dtype=float).reshape(-1, 6)
-        line = LinePixels(table[:, :2], table[:, 2], table[:, 3], table[:, 4], table[:, 5])
+        table = np.array(self.line, dtype=float).reshape(-1, 8)
+        line = LinePixels(table[:, :2], *table[:, 2:6].T, place=table[:, 6:])
         return BoardViews(tuple(self.names), uv, std, line)
 
     @staticmethod
@@ -124,6 +135,26 @@ class BoardRows:
         return point
 
 
+def _place_in_sheet(row: Row) -> tuple[float, float]:
+    """Where in the sheet a row says its point is, mm; `_NOWHERE` where it does not say.
+
+    Raises
+    ------
+    InputError
+        If it gives one coordinate alone, or one off the sheet.
+    """
+    x, y, z = (row.optional_number(coordinate) for coordinate in _COORDINATES)
+    if x is None and y is None:
+        return _NOWHERE
+    if x is None or y is None or z:
+        raise InputError(
+            f"{row.place}: a point of the line has the place "
+            f"({', '.join('–' if value is None else f'{value:.6g}' for value in (x, y, z))}) mm",
+            "give its x and y in the sheet of light, and no z: x along the line, y by the stage",
+        )
+    return x, y
+
+
 def _listed(values: Array) -> str:
     return "(" + ", ".join(f"{value:.6g}" for value in values) + ")"
 
@@ -145,6 +176,8 @@ def board_rows(
         row["laser"] = lasers[int(line.laser[k])]
         if faces:
             row["face"] = int(line.face[k])
+        if np.isfinite(line.places[k]).all():
+            row["x"], row["y"] = line.places[k].tolist()
         rows.append(row)
     return rows
 

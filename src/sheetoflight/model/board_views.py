@@ -41,11 +41,14 @@ class LinePixels:
     view, laser, face : (P,) int array
         Number of the view that each belongs to, of the laser, and of the board's face that it
         shines on.
+    place : (P, 2) array, optional
+        Where each is in the sheet of light, mm, where a stage tells that; NaN or absent where
+        unknown.
 
     Raises
     ------
     InputError
-        If the shapes disagree, or a point is not finite.
+        If the shapes disagree, a point is not finite, or a place infinite.
     """
 
     uv: Array = field(default_factory=lambda: np.zeros((0, 2)))
@@ -53,6 +56,7 @@ class LinePixels:
     view: np.ndarray = field(default_factory=_none)
     laser: np.ndarray = field(default_factory=_none)
     face: np.ndarray = field(default_factory=_none)
+    place: Array | None = None
 
     def __post_init__(self) -> None:
         count = len(self.uv)
@@ -76,12 +80,25 @@ class LinePixels:
                 f"std of {count} points of a line has shape {std.shape}, or is not above zero",
                 "give a std above zero, or NaN, for each point",
             )
-        for name, array in (("uv", uv), ("std", std)):
+        place = np.full((count, 2), np.nan) if self.place is None else np.array(self.place, float)
+        if place.shape != (count, 2) or np.isinf(place).any():
+            raise InputError(
+                f"places of {count} points of a line have shape {place.shape} or are infinite",
+                "give two coordinates in the sheet, or NaN, for each point",
+            )
+        place[np.isnan(place).any(axis=1)] = np.nan
+        for name, array in (("uv", uv), ("std", std), ("place", place)):
             array.setflags(write=False)
             object.__setattr__(self, name, array)
 
     def __len__(self) -> int:
         return len(self.uv)
+
+    @property
+    def places(self) -> Array:
+        """``(P, 2)`` places in the sheet, mm; NaN where unknown."""
+        assert self.place is not None  # set when the points are made
+        return self.place
 
     @cached_property
     def proportions(self) -> Array:
@@ -105,6 +122,7 @@ class LinePixels:
             self.view[points],
             self.laser[points],
             self.face[points],
+            self.places[points],
         )
 
 

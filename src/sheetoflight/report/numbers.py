@@ -118,15 +118,15 @@ def _curvature_quantities(covariance: Covariance, plane: LightPlane) -> Iterator
 
 
 def bend_in_words(calibration: Calibration, plane: LightPlane, seen: Array) -> str:
-    """How far a curved sheet is from its plane at points ``(N, 3)`` of it, in a sentence; empty of
-    a flat one.
+    """How far a curved sheet is from its plane, and from the plane nearest to it, at points
+    ``(N, 3)`` of it, in a sentence; empty of a flat one.
 
     The uncertainty is that of the height at the point where it is greatest: ``hᵀ C h``, with h its
     derivatives by kxx, kxy, kyy and C their covariance.
     """
     if plane.curvature is None:
         return ""
-    said = "The sheet is curved: n · X = d is the plane that it bends away from"
+    said = "The sheet is curved: n · X = d touches it amid the targets, and it bends away from that"
     if not len(seen):
         return f"{said}."
     heights = plane.curvature.heights(seen)
@@ -136,7 +136,17 @@ def bend_in_words(calibration: Calibration, plane: LightPlane, seen: Array) -> s
     variance = by_curvature @ calibration.covariance.block(names) @ by_curvature
     value, std = rounded(abs(float(heights[most])), math.sqrt(max(float(variance), 0.0)))
     known = f" ± {std}" if float(std) > 0 else ""
-    return f"{said}, by {value}{known} mm at most where targets met it."
+    least = float(np.abs(_off_nearest_plane(seen)).max())
+    return (
+        f"{said}, by {value}{known} mm at most where targets met it; from the plane nearest to it, "
+        f"by {least:.2g} mm."
+    )
+
+
+def _off_nearest_plane(points: Array) -> Array:
+    """Distances ``(N,)`` of points from their least-squares plane."""
+    away = points - points.mean(axis=0)
+    return away @ np.linalg.svd(away)[2][2]
 
 
 def _tilt_std(covariance: Covariance, plane: LightPlane) -> str:

@@ -11,8 +11,10 @@ from typing import Any, Literal, overload
 from sheetoflight.calibration import methods
 from sheetoflight.calibration.camera_free_method import camera_free
 from sheetoflight.calibration.control_forms import FORMS
+from sheetoflight.calibration.known_camera import doubts_of_known_camera
 from sheetoflight.calibration.match_methods import MATCH_METHODS
 from sheetoflight.calibration.methods import CAMERA_FREE, CalibrationOptions
+from sheetoflight.calibration.self_generated_method import SELF_GENERATED, refuse_places
 from sheetoflight.errors import UntrustworthyError
 from sheetoflight.io.calibration_json import read_any_calibration, read_calibration
 from sheetoflight.io.exchange import is_calibration, read_exchange
@@ -112,12 +114,17 @@ def calibrate(
     """
     options = options or CalibrationOptions()
     provenance = _provenance(rig, method, options)
+    alone = ("paper", SELF_GENERATED, *FORMS, *MATCH_METHODS)  # of one kind of evidence
+    if method not in alone:
+        refuse_places(rig, method)
     if method == CAMERA_FREE:
         return replace(camera_free(rig), provenance=provenance)
-    if method == "paper" or method in FORMS or method in MATCH_METHODS:  # one kind of evidence
+    if method in alone:
         found = methods.calibrate(rig, method, options)
     else:
+        doubts = doubts_of_known_camera(rig)
         found = _with_second_opinion(rig, method, options)
+        found = replace(found, warnings=(*doubts, *found.warnings))
     return replace(found, provenance=provenance)
 
 
@@ -196,5 +203,12 @@ def _provenance(rig: Rig, method: str, options: CalibrationOptions) -> dict[str,
         "known_camera": rig.camera is not None,
         "stated_pixel_std": rig.pixel_std,
         "stated_placement_std_mm": rig.placement_std,
-        "options": asdict(options.paper) if method == "paper" else {},
+        "options": _options(method, options),
     }
+
+
+def _options(method: str, options: CalibrationOptions) -> dict[str, Any]:
+    """Those that the method has, and that are not as they come."""
+    if method == "paper":
+        return asdict(options.paper)
+    return {"flat": True} if method == "joint" and options.flat else {}
