@@ -58,8 +58,8 @@ def read_points(
     Column ``laser`` names the sheet that a view of stage plane lies in, or that a spot or a point
     of a line belongs to. It may be empty or absent where there is one laser; in other rows it says
     nothing. Columns ``x,y,z`` may say where a point is on its board: they must agree with
-    ``[board]``. Without a board, ``x,y`` of a line's point are its place in the sheet of light.
-    Column ``face`` numbers the face of a solid body that a line's point lies on.
+    ``[board]``; without one, ``x,y`` of a line's point are its place in the sheet of light. Column
+    ``face`` numbers the face of a solid body that a line's point lies on.
 
     Parameters
     ----------
@@ -70,8 +70,7 @@ def read_points(
     lasers : sequence of str
         Names of the rig's lasers.
     board : Board, optional
-        Says which points stage board may have; where absent, it may have points of lines alone,
-        each with its place in the sheet.
+        Says which points stage board may have; where absent, only those of lines with places.
 
     Returns
     -------

@@ -153,7 +153,7 @@ class RigFile:
             raise InputError(
                 f"{file_name(self.path)}: neither [target] nor [board] is there",
                 "describe the target with markers_mm, or the board with kind, columns, rows and "
-                "pitch_mm; only matched points in points.csv need neither",
+                "pitch_mm; only matched points, and points of known places in the sheet, need neither",
             )
 
     def rig(
@@ -240,7 +240,8 @@ def rig_toml_text(rig: Rig) -> str:
     InputError
         If a laser's name is none that a rig file may hold.
     """
-    others = rig.board is not None or len(rig.observations.matches) > 0
+    seen = rig.observations
+    others = rig.board is not None or len(seen.matches) > 0 or len(seen.board) > 0
     no_target = others and not rig.observations.stages()
     lines = [
         *([] if no_target else _target_lines(rig.target)),
