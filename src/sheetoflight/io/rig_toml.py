@@ -153,7 +153,7 @@ class RigFile:
             raise InputError(
                 f"{file_name(self.path)}: neither [target] nor [board] is there",
                 "describe the target with markers_mm, or the board with kind, columns, rows and "
-                "pitch_mm; only matched points, and points of known places in the sheet, need neither",
+                "pitch_mm; only matched points, or places in the sheet, in points.csv need neither",
             )
 
     def rig(
