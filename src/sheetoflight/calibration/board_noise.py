@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from sheetoflight.calibration.board_planes import ends_on_boards, planes_on_boards
+from sheetoflight.calibration.board_planes import ends_on_boards, planes_on_boards, point_errors
 from sheetoflight.calibration.components import COMPONENTS, CORNER, LINE, SHAPE, STRIPE
 from sheetoflight.calibration.lines_on_boards import RAY, SHAPES, free_parts, reduced_lines
 from sheetoflight.calibration.rig_state import LOCAL_SIZE, RigState
@@ -39,10 +39,8 @@ def board_variances(rig: Rig, state: RigState) -> Array:
 
 
 def _points_variance(rig: Rig, state: RigState) -> float:
-    assert rig.board is not None
-    views, pose = rig.observations.board, state.poses["board"]
-    points = rig.board.points @ np.swapaxes(pose[:, :, :3], 1, 2) + pose[:, None, :, 3]
-    errors = (views.uv - state.camera.project(points)) / proportions(views.stds)[0][..., None]
+    views = rig.observations.board
+    errors = point_errors(rig, state) / proportions(views.stds)[0][..., None]
     observed = 2 * int(views.seen.sum())
     freedom = observed - LOCAL_SIZE["board"] * len(views) - len(rig.free_intrinsics)
     return max(float(np.nansum(errors**2)) / max(freedom, 1), _LEAST_PX2)

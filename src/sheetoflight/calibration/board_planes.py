@@ -78,3 +78,11 @@ def _agreed_plane(ends: Array) -> tuple[Array, float]:
         weights = 1.0 / (1.0 + (off / (_FORGIVEN * scale)) ** 2)
         distance = float(normal @ middle)
     return (normal, distance) if distance >= 0 else (-normal, -distance)
+
+
+def point_errors(rig: Rig, state: RigState) -> Array:
+    """Observed minus predicted points of the boards ``(N, M, 2)``, px; NaN where not seen."""
+    assert rig.board is not None
+    pose = state.poses["board"]
+    points = rig.board.points @ np.swapaxes(pose[:, :, :3], 1, 2) + pose[:, None, :, 3]
+    return np.asarray(rig.observations.board.uv - state.camera.project(points))

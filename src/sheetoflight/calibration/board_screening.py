@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.special import chdtri
 
-from sheetoflight.calibration.board_planes import faces_in_space, on_faces
+from sheetoflight.calibration.board_planes import faces_in_space, on_faces, point_errors
 from sheetoflight.calibration.board_start import board_poses, boards_alone
 from sheetoflight.calibration.line_consensus import (
     FacePlanes,
@@ -170,11 +170,7 @@ def board_poses_anyhow(rig: Rig) -> Array:
 
 def _sizes(rig: Rig, state: RigState) -> Array:
     """Reprojection errors ``(N, M)``, px; NaN where not seen."""
-    assert rig.board is not None
-    pose = state.poses["board"]
-    points = rig.board.points @ np.swapaxes(pose[:, :, :3], 1, 2) + pose[:, None, :, 3]
-    errors = rig.observations.board.uv - state.camera.project(points)
-    return np.linalg.norm(errors, axis=-1)
+    return np.asarray(np.linalg.norm(point_errors(rig, state), axis=-1))
 
 
 def _wrong_points(rig: Rig, state: RigState) -> tuple[np.ndarray, np.ndarray]:

@@ -16,12 +16,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.special import chdtrc, fdtrc
 
+from sheetoflight.calibration.board_planes import point_errors
 from sheetoflight.calibration.board_screening import screened_boards
 from sheetoflight.calibration.board_start import boards_alone
 from sheetoflight.calibration.methods import calibrate
-from sheetoflight.calibration.rig_state import RigState
 from sheetoflight.errors import UntrustworthyError
-from sheetoflight.geometry.directions import Array
 from sheetoflight.model.board_views import LinePixels
 from sheetoflight.model.calibration import Calibration
 from sheetoflight.model.camera import DISTORTION_MODELS, Camera
@@ -160,14 +159,7 @@ def _lens_model(rig: Rig, known: Camera) -> str:
 def _residual_px(rig: Rig) -> float:
     """Root mean square residual of the boards' points, px, with the rig's camera."""
     state = boards_alone(rig).state
-    return float(np.sqrt(np.nanmean(_errors(rig, state) ** 2)))
-
-
-def _errors(rig: Rig, state: RigState) -> Array:
-    assert rig.board is not None
-    pose = state.poses["board"]
-    points = rig.board.points @ np.swapaxes(pose[:, :, :3], 1, 2) + pose[:, None, :, 3]
-    return np.asarray(rig.observations.board.uv - state.camera.project(points))
+    return float(np.sqrt(np.nanmean(point_errors(rig, state) ** 2)))
 
 
 def _tested(

@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from sheetoflight.calibration.board_planes import faces_in_space, planes_on_boards
+from sheetoflight.calibration.board_planes import faces_in_space, planes_on_boards, point_errors
 from sheetoflight.calibration.board_start import boards_alone
 from sheetoflight.calibration.rig_state import RigState
 from sheetoflight.errors import UntrustworthyError
@@ -199,12 +199,7 @@ def _with(rig: Rig, views: BoardViews) -> Rig:
 
 def _residual_px(rig: Rig, state: RigState) -> float:
     """Root mean square of the points' reprojection errors."""
-    assert rig.board is not None
-    pose = state.poses["board"]
-    points = rig.board.points @ np.swapaxes(pose[:, :, :3], 1, 2) + pose[:, None, :, 3]
-    return float(
-        np.sqrt(np.nanmean((rig.observations.board.uv - state.camera.project(points)) ** 2))
-    )
+    return float(np.sqrt(np.nanmean(point_errors(rig, state) ** 2)))
 
 
 def _misses(rig: Rig, state: RigState, planes: list[tuple[Array, float] | None]) -> Array:
