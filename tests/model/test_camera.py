@@ -66,7 +66,7 @@ def test_projection_and_its_inverse_cancel(camera: Camera, seed: int) -> None:
 def test_jacobians_agree_with_differences(camera: Camera, seed: int) -> None:
     points = points_seen(camera, seed, 5)
     uv, by_point, by_parameter = camera.project_with_jacobians(points)
-    assert np.array_equal(uv, camera.project(points))
+    assert np.abs(uv - camera.project(points)).max() < 1e-11  # a hundred roundings of 1000 px
     for axis, step in enumerate(np.eye(3) * 1e-2):
         slope = (camera.project(points + step) - camera.project(points - step)) / 2e-2
         assert np.allclose(by_point[..., axis], slope, rtol=1e-6, atol=1e-6)

@@ -30,7 +30,7 @@ def test_what_they_hold_cannot_be_changed() -> None:
 @pytest.mark.parametrize(
     ("parts", "said"),
     [
-        ({"names": ("a",)}, "expected \\(1, T, 2\\)"),
+        ({"names": ("a",)}, "expected \\(1, M, 2\\)"),
         ({"names": ("a", "a")}, "view a is given twice"),
         ({"std": np.zeros((2, 3))}, "not above zero"),
         ({"std": np.ones((2, 2))}, "std has shape"),

@@ -9,6 +9,7 @@ import numpy as np
 
 from sheetoflight.errors import InputError
 from sheetoflight.geometry.directions import Array
+from sheetoflight.model.image_points import checked_points, seen_points
 
 
 def proportions(std: Array) -> tuple[Array, float]:
@@ -153,29 +154,13 @@ class BoardViews:
     line: LinePixels = field(default_factory=LinePixels)
 
     def __post_init__(self) -> None:
-        uv = np.array(self.uv, dtype=float)
-        if uv.ndim != 3 or uv.shape[0] != len(self.names) or uv.shape[2] != 2:
-            raise InputError(
-                f"image points have shape {uv.shape}, expected ({len(self.names)}, M, 2)",
-                "give one row of points for each named view",
-            )
-        if len(set(self.names)) != len(self.names):
-            twice = next(n for n in self.names if self.names.count(n) > 1)
-            raise InputError(f"view {twice} is given twice", "give every view a name of its own")
+        uv, std = checked_points(self.names, self.uv, self.std)
         if len(self.line) and int(self.line.view.max()) >= len(self.names):
             raise InputError(
                 f"a line belongs to view {int(self.line.view.max())} of {len(self.names)}",
                 "count the views from 0",
             )
-        uv[~np.isfinite(uv).all(axis=-1)] = np.nan
-        std = np.full(uv.shape[:2], np.nan) if self.std is None else np.array(self.std, dtype=float)
-        if std.shape != uv.shape[:2] or (std <= 0).any():
-            raise InputError(
-                f"std has shape {std.shape} or is not above zero, expected {uv.shape[:2]}",
-                "give one value above zero, or NaN, for each point",
-            )
         for name, array in (("uv", uv), ("std", std)):
-            array.setflags(write=False)
             object.__setattr__(self, name, array)
         object.__setattr__(self, "names", tuple(self.names))
 
@@ -185,9 +170,7 @@ class BoardViews:
     @cached_property
     def seen(self) -> np.ndarray:
         """``(N, M)`` mask of the points that were seen."""
-        seen = np.asarray(np.isfinite(self.uv).all(axis=-1))
-        seen.setflags(write=False)
-        return seen
+        return seen_points(self.uv)
 
     def take(self, views: np.ndarray) -> BoardViews:
         """The views that an index array or mask selects, their lines with them."""

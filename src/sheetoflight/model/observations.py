@@ -10,6 +10,7 @@ import numpy as np
 from sheetoflight.errors import InputError
 from sheetoflight.geometry.directions import Array
 from sheetoflight.model.board_views import BoardViews
+from sheetoflight.model.image_points import checked_points, seen_points
 from sheetoflight.model.matches import PointMatches
 
 
@@ -42,20 +43,7 @@ class TargetViews:
     laser: np.ndarray | None = None
 
     def __post_init__(self) -> None:
-        uv = np.array(self.uv, dtype=float)
-        if uv.ndim != 3 or uv.shape[0] != len(self.names) or uv.shape[2] != 2:
-            raise InputError(
-                f"image points have shape {uv.shape}, expected ({len(self.names)}, M, 2)",
-                "give one row of markers for each named view",
-            )
-        if len(set(self.names)) != len(self.names):
-            twice = next(n for n in self.names if self.names.count(n) > 1)
-            raise InputError(f"view {twice} is given twice", "give every view a name of its own")
-        if self.std is not None and np.shape(self.std) != uv.shape[:2]:
-            raise InputError(
-                f"std has shape {np.shape(self.std)}, expected {uv.shape[:2]}",
-                "give one standard uncertainty for each marker",
-            )
+        uv, std = checked_points(self.names, self.uv, self.std)
         laser = np.zeros(len(uv)) if self.laser is None else np.asarray(self.laser)
         if laser.shape != (len(uv),) or (laser < 0).any() or (laser % 1 != 0).any():
             raise InputError(
@@ -65,15 +53,7 @@ class TargetViews:
         laser = laser.astype(int)
         laser.setflags(write=False)
         object.__setattr__(self, "laser", laser)
-        uv[~np.isfinite(uv).all(axis=-1)] = np.nan
-        uv.setflags(write=False)
         if self.std is not None:
-            std = np.array(self.std, dtype=float)
-            if (std <= 0).any():
-                raise InputError(
-                    "a std of image points is zero or negative", "give values above zero, or NaN"
-                )
-            std.setflags(write=False)
             object.__setattr__(self, "std", std)
         object.__setattr__(self, "names", tuple(self.names))
         object.__setattr__(self, "uv", uv)
@@ -84,9 +64,7 @@ class TargetViews:
     @cached_property
     def seen(self) -> np.ndarray:
         """``(N, M)`` mask of the markers that were seen."""
-        seen = np.asarray(np.isfinite(self.uv).all(axis=-1))
-        seen.setflags(write=False)
-        return seen
+        return seen_points(self.uv)
 
     def take(self, views: np.ndarray) -> TargetViews:
         """The views that an index array or mask ``views`` selects."""
