@@ -157,8 +157,8 @@ def _odds_of_flat(fit: Fit, state: RigState) -> Array:
         return 1.0
 
 
-def _odds(groups: Sequence[Contrasts], size: int, sizes: Array, bends: int, freedom: int) -> float:
-    """Odds of chance of bends, the last of the parameters, as large as they come out."""
+def _odds(groups: Sequence[Contrasts], size: int, sizes: Array, bends: int, freedom: int) -> Array:
+    """Odds of chance of each sheet's bends, the last of the parameters, as large as found."""
     model = reduced_model(groups, size, sizes)
     covariance = scaled_inverse(model.information)[0]
     own = slice(size - bends, size)
