@@ -154,7 +154,7 @@ def _odds_of_flat(fit: Fit, state: RigState) -> Array:
         sizes = variance_components(groups, len(parameters), start, noise.free).sizes
         return _odds(groups, len(parameters), sizes, count, freedom)
     except np.linalg.LinAlgError:  # the lines do not tell
-        return 1.0
+        return flat
 
 
 def _odds(groups: Sequence[Contrasts], size: int, sizes: Array, bends: int, freedom: int) -> Array:
