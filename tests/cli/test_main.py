@@ -9,6 +9,7 @@ from pathlib import Path
 
 import pytest
 
+from sheetoflight.cli.main import main
 from tests.known_lengths import calibrated, true_ends, write_segments
 
 
@@ -33,3 +34,13 @@ def test_a_reader_that_has_gone_is_no_failure(words: list[str], tmp_path: Path) 
         os.close(writing)
     assert ended.returncode == 141
     assert ended.stderr == ""
+
+
+@pytest.mark.parametrize("words", [[], ["--method", "paper"]], ids=["defaults", "one method"])
+def test_the_demonstration_takes_its_own_defaults(
+    words: list[str], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """They come as far as the folder, which holds something else."""
+    (tmp_path / "mine.txt").write_text("mine")
+    assert main(["demo", str(tmp_path), *words]) == 2
+    assert "holds mine.txt" in capsys.readouterr().err

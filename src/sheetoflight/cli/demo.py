@@ -8,11 +8,11 @@ from typing import Annotated, Literal
 import numpy as np
 from cyclopts import Parameter
 
-from sheetoflight.calibration.methods import METHODS
 from sheetoflight.cli.telling import on_all_cores, plain_table, tell, tell_table, warn
 from sheetoflight.report.contents import Table
 from sheetoflight.workflow.demonstration import (
     PAPER_TABLES,
+    ROD_METHODS,
     comparison_tables,
     demonstrate,
 )
@@ -25,7 +25,7 @@ def demo(
     seed: int = 0,
     method: Annotated[
         tuple[Literal["joint", "two-step", "paper"], ...], Parameter(consume_multiple=True)
-    ] = tuple(METHODS),  # pyright: ignore[reportArgumentType] – the table's own keys
+    ] = ROD_METHODS,
 ) -> None:
     """The main job on the paper's rig, rendered: pictures to lengths, and a report.
 
