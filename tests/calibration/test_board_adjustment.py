@@ -21,7 +21,7 @@ from sheetoflight.model.board_views import BoardViews, LinePixels
 from sheetoflight.model.calibration import Calibration
 from sheetoflight.model.rig import Rig
 from sheetoflight.simulation.board_faults import lines_beyond, shifted_lines
-from sheetoflight.simulation.board_poses import board_poses, board_rig
+from sheetoflight.simulation.board_poses import BoardHolding, board_poses, board_rig
 from sheetoflight.simulation.board_views import photographed_boards, placed_boards
 from sheetoflight.simulation.bodies import folded_body
 from sheetoflight.simulation.rig import SimulatedRig
@@ -266,3 +266,20 @@ def test_edges_of_the_pattern_are_no_light() -> None:
     found = calibrate(rig_of(truth, BoardViews(names, uv, None, line)))
     assert found.light_planes == ()
     assert any("laser was off" in warning for warning in found.warnings)
+
+
+def test_valleys_are_judged_by_costs_in_the_same_terms() -> None:
+    """20 views of 88 corners and their lines determine k3 to 0.7, but the corners alone begin 4 px
+    away from where all end: costs of lines that were reduced there and here differ by 24, as much
+    as the valley test asks for."""
+    truth = board_rig(distortion=(-0.1, 0.05, 0.0008, -0.0005, 0.01))
+    assert truth.board is not None
+    rng = np.random.default_rng([5, 33])
+    poses = board_poses(truth, truth.board, 20, rng, BoardHolding(max_tilt_deg=30.0))
+    rng.normal(size=20)
+    views = photographed_boards(
+        truth.camera, placed_boards(truth, truth.board, *poses, 1000), rng, 0.1, 0.1
+    )
+    found = calibrate(rig_of(truth, views, "brown"))
+    off = found.camera.parameters[9] - truth.camera.parameters[9]
+    assert abs(off) < 4.0 * found.covariance.std("camera.k3")

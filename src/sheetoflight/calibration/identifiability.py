@@ -303,7 +303,8 @@ def _follow_valley(fit: Fit, weakness: Weakness, stage: str) -> RigState | None:
     others = tuple(name for name in parameters if name != weakness.parameter)
     held = fit.noise.adjustment(fit.rig, fit.adjustment.stages, others, fit.state)
     whole = fit.noise.adjustment(fit.rig, fit.adjustment.stages, parameters, fit.state)
-    base = sum(block.cost for block in whole.blocks(fit.state))
+    # lines are reduced anew where they stand now: only in the same terms can costs be compared
+    base = settled(whole, fit.state, stage, _NEARLY).cost
     limit = float(chdtri(1, _CHANCE))
     for side in (_FOLLOWED, -_FOLLOWED):
         beside = _solution_beside(fit, held, side * column, stage)
