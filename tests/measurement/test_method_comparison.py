@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Any
+from typing import Any, get_args, get_type_hints
 
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from sheetoflight.calibration.match_methods import MATCH_METHODS
+from sheetoflight.calibration.methods import METHODS
+from sheetoflight.cli.calibrate import calibrate
 from sheetoflight.errors import InputError, UntrustworthyError
 from sheetoflight.measurement.comparison_options import ComparisonOptions
 from sheetoflight.measurement.contestants import CONTESTANTS, PAPER_CASE, PRINTED_MM
@@ -104,9 +107,18 @@ def test_all_pictures_are_given_out(name: str, pictures: int, share: float):
     assert min(views.values()) >= 0
 
 
+def test_every_method_that_finds_a_sheet_is_compared():
+    """All that the command line offers, but for those that find the camera alone."""
+    offered = set(get_args(get_type_hints(calibrate)["method"]))
+    assert set(METHODS) < offered
+    assert {one.method for one in CONTESTANTS.values()} == offered - set(MATCH_METHODS)
+
+
 def test_the_default_gives_a_rod_the_papers_pictures():
     options = ComparisonOptions()
     assert options.views(CONTESTANTS["rod-paper"]) == {"camera": 30, "plane": 10}
+    assert options.views(CONTESTANTS["self-generated"]) == {"board": 30, "plate": 10}
+    assert options.views(CONTESTANTS["rod-and-board"]) == {"camera": 15, "plane": 5, "board": 20}
     assert [one.name for one in options.contestants] == list(CONTESTANTS)
 
 

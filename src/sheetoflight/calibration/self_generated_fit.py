@@ -195,6 +195,11 @@ class SheetFit:
         return -np.linalg.pinv(self.by_pose) @ self.by_camera
 
     @cached_property
+    def camera_left(self) -> Array:
+        """``(2P, Q)`` what the pose leaves of the derivatives by the camera."""
+        return self.by_camera + self.by_pose @ self.pose_by_camera
+
+    @cached_property
     def plane_by_pose(self) -> Array:
         """``(4, 6)`` derivatives of normal and distance."""
         by_turn = -cross_matrix(self.normal)

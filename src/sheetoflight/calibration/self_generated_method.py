@@ -59,7 +59,7 @@ def self_generated(rig: Rig) -> Calibration:
         If the points do not determine the sheet, or leave two, their places are not square, or
         there are too few to tell the noise, which is not stated.
     """
-    seen = _placed_points(rig)
+    seen = placed_points(rig)
     fit = fitted_sheet(seen)
     plane = LightPlane(fit.normal, fit.distance, rig.lasers[0])
     noise = noise_of(fit, rig.pixel_std)
@@ -103,8 +103,14 @@ def refuse_places(rig: Rig, method: str) -> None:
         )
 
 
-def _placed_points(rig: Rig) -> Placed:
-    """The points of known places, once all else that is needed is there."""
+def placed_points(rig: Rig) -> Placed:
+    """The points of known places, once all else that is needed is there.
+
+    Raises
+    ------
+    InputError, UntrustworthyError
+        As for `self_generated`.
+    """
     if rig.board is not None:
         raise InputError(
             f"method {SELF_GENERATED} works on a bare plate, and rig.toml has a [board]",

@@ -105,8 +105,8 @@ def _against(fit: SheetFit, stated: float) -> tuple[float, int]:
 def _by_camera(fit: SheetFit) -> tuple[Array, Array, Array]:
     """Residuals ``(2P,)`` over their proportions, their parts ``a (Q,)``, and s ``(Q,)``."""
     residuals = (fit.residuals / fit.seen.std[:, None]).ravel()
-    left = fit.by_camera + fit.by_pose @ fit.pose_by_camera
-    axes, size, _ = np.linalg.svd(left @ _root(fit.seen.camera_matrix), full_matrices=False)
+    felt = fit.camera_left @ _root(fit.seen.camera_matrix)
+    axes, size, _ = np.linalg.svd(felt, full_matrices=False)
     return residuals, axes.T @ residuals, size
 
 

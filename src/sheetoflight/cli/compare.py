@@ -68,9 +68,9 @@ def compare(
     pictures
         How many each method is given, over all its stages.
     camera_share
-        Share of a rod's pictures in stage camera.
+        Share of a rod's pictures in stage camera, and of a plate's that show boards.
     pixel_std
-        Noise of markers and corners in px.
+        Noise of markers, corners and the line's ends on a plate in px.
     line_std
         Noise of the laser line's points in px; pixel_std where absent.
     end_std

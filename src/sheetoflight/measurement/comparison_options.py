@@ -32,9 +32,11 @@ class ComparisonOptions:
     pictures : int
         How many each method is given, over all its stages.
     camera_share : float
-        Share of a rod's pictures that is taken in stage camera.
+        Share of a rod's pictures that is taken in stage camera, and of a plate's that shows
+        boards for the camera.
     pixel_std : float
-        Standard deviation of the image coordinates of markers and corners, px.
+        Standard deviation of the image coordinates of markers and corners, and of the ends of
+        the line on a plate, px.
     line_std, end_std : float, optional
         Of a line's points across the line, and of the ends of the lengths measured, px;
         `pixel_std` where absent.

@@ -11,7 +11,8 @@ from sheetoflight.model.board import Board, PlanarBoard
 _SHEET_OF_PAPER = PlanarBoard("chessboard", 11, 8, (20.0, 20.0))
 """A chessboard of 12 × 9 fields that fills a sheet of A4."""
 
-_RODS = ("camera", "plane", "crossing")
+_SHARE_OF_BOARDS = 0.5
+"""Of the pictures of a contestant that is given a rod and a board."""
 
 
 @dataclass(frozen=True)
@@ -25,9 +26,11 @@ class Contestant:
     method : str
         Of `calibration.methods.calibrate`, or ``camera-free``.
     stages : tuple of str
-        Which stages are recorded, of camera, plane, crossing and board.
+        Which stages are recorded, of camera, plane, crossing, board and plate. A plate is a bare
+        one that a stage moves: its points tell the sheet once the camera is known, which is
+        calibrated first, from the other stages, and held.
     board : Board, optional
-        What stage board shows.
+        What stage board shows; the laser is off where there is a plate.
     folded : bool
         Whether it shows two plates that meet at a ridge, in place of a board.
     """
@@ -41,19 +44,23 @@ class Contestant:
     def views(self, pictures: int, camera_share: float) -> dict[str, int]:
         """How many pictures each of its stages has, of so many together.
 
-        Half of them show the board where there are a rod and a board. Of the rod's the
-        `camera_share` goes to stage camera, the others share the rest evenly.
+        Half of them show the board where there are a rod and a board. Of the others the
+        `camera_share` goes to the stage that tells the camera alone, which is stage camera, or
+        the board where there is a plate; the rest is shared evenly.
         """
-        rods = [stage for stage in self.stages if stage in _RODS]
-        boards = 0 if "board" not in self.stages else pictures // 2 if rods else pictures
-        left = pictures - boards
-        counts = {"board": boards}
-        if "camera" in rods and len(rods) > 1:
-            counts["camera"] = round(camera_share * left)
-            left -= counts["camera"]
-            rods.remove("camera")
-        for place, stage in enumerate(rods):
-            counts[stage] = left // (len(rods) - place)
+        if "plate" in self.stages:
+            shares = {"board": camera_share}
+        else:
+            shares = {"board": _SHARE_OF_BOARDS, "camera": camera_share}
+        open_stages, left = list(self.stages), pictures
+        counts: dict[str, int] = {}
+        for stage, share in shares.items():
+            if stage in open_stages and len(open_stages) > 1:
+                counts[stage] = round(share * left)
+                left -= counts[stage]
+                open_stages.remove(stage)
+        for place, stage in enumerate(open_stages):
+            counts[stage] = left // (len(open_stages) - place)
             left -= counts[stage]
         return {stage: counts[stage] for stage in self.stages}
 
@@ -75,6 +82,7 @@ CONTESTANTS: Mapping[str, Contestant] = MappingProxyType(
             Contestant("solid-joint", "joint", ("board",), folded=True),
             Contestant("solid-cross-ratio", "cross-ratio", ("board",), folded=True),
             Contestant("solid-zigzag", "zigzag", ("board",), folded=True),
+            Contestant("self-generated", "self-generated", ("board", "plate"), _SHEET_OF_PAPER),
             Contestant("rod-and-board", "joint", ("camera", "plane", "board"), _SHEET_OF_PAPER),
         )
     }
