@@ -21,7 +21,7 @@ from sheetoflight.calibration.methods import calibrate
 from sheetoflight.calibration.self_calibration import free_parameters
 from sheetoflight.calibration.track_adjustment import TrackAdjustment, TrackState
 from sheetoflight.errors import UntrustworthyError
-from sheetoflight.estimation.block_least_squares import reduced_information
+from sheetoflight.estimation.block_least_squares import reduced_equations
 from sheetoflight.geometry.directions import Array, normalised
 from sheetoflight.geometry.rotations import rotation
 from sheetoflight.model.camera import Camera
@@ -148,7 +148,7 @@ def bound(state: TrackState, uv: Array) -> Array:
     tie = free_parameters("rectangular", "radial1")
     problem = TrackAdjustment(uv[:, often], tie, state.turns_only)
     part = TrackState(state.camera, state.rotations, state.translations, state.places[often])
-    information = reduced_information(problem.blocks(part), problem.shared_size)
+    information = reduced_equations(problem.blocks(part), problem.shared_size)[0]
     return NOISE_PX * np.sqrt(np.diag(np.linalg.inv(information))[[0, 2, 3]])
 
 

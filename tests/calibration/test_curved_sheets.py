@@ -148,7 +148,9 @@ def test_the_odds_of_a_flat_sheet_are_odds() -> None:
     odds = []
     for seed in range(40):
         fit = flat_fit(seen(FLAT, 100 + seed, views=8))
-        odds.append(float(_odds_of_flat(fit, replace(fit.state, bends=_unbent(fit)))[0]))
+        assert fit.adjustment.boards is not None
+        bends = _unbent(fit.adjustment.boards, fit.state)
+        odds.append(float(_odds_of_flat(fit, replace(fit.state, bends=bends))[0]))
     assert kstest(odds, "uniform").pvalue > 1e-3
 
 
@@ -178,7 +180,8 @@ def test_the_stated_uncertainty_holds() -> None:
 def test_derivatives_by_the_bend_are_right() -> None:
     """Against differences: the lines' misses are linear in it."""
     fit = flat_fit(seen(cone(88.8), 3))
-    bends = _unbent(fit)
+    assert fit.adjustment.boards is not None
+    bends = _unbent(fit.adjustment.boards, fit.state)
     names = (*fit.adjustment.parameters, *bend_names(1))
     wide = Adjustment(fit.adjustment.positions, {}, {}, names, None, fit.adjustment.boards)
     flat = replace(fit.state, bends=bends)

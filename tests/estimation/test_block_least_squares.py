@@ -11,7 +11,7 @@ from scipy.optimize import least_squares
 
 from sheetoflight.estimation.block_least_squares import (
     Block,
-    reduced_information,
+    reduced_equations,
     scaled_inverse,
     solve,
 )
@@ -95,12 +95,12 @@ def test_the_information_is_the_dense_schur_complement(decay: Decay) -> None:
     solution = solve(decay, start(decay))
     normal = dense_normal_equations(decay, solution.state)
     schur = normal[:2, :2] - normal[:2, 2:] @ np.linalg.solve(normal[2:, 2:], normal[2:, :2])
-    assert np.allclose(reduced_information(decay.blocks(solution.state), 2), schur, rtol=1e-6)
+    assert np.allclose(reduced_equations(decay.blocks(solution.state), 2)[0], schur, rtol=1e-6)
 
 
 def test_the_covariance_is_the_corner_of_the_dense_inverse(decay: Decay) -> None:
     solution = solve(decay, start(decay))
-    covariance, condition = scaled_inverse(reduced_information(decay.blocks(solution.state), 2))
+    covariance, condition = scaled_inverse(reduced_equations(decay.blocks(solution.state), 2)[0])
     dense = np.linalg.inv(dense_normal_equations(decay, solution.state))
     assert np.allclose(covariance, dense[:2, :2], rtol=1e-6)
     assert condition >= 1

@@ -105,6 +105,11 @@ class Adjustment:
         steps = dict(zip(self.parameters, shared.tolist(), strict=True))
         return state.moved(steps, dict(zip(self.block_names, local, strict=True))) or state
 
+    def holds_at(self, state: RigState) -> bool:
+        """Whether the lines, reduced where the adjustment began, are good for a state as well."""
+        lines = None if self.boards is None else self.boards.lines
+        return lines is None or lines.holds_for(state.camera)
+
     def placed(self, state: RigState, stage: str) -> Placement:
         """The points of one stage in space."""
         return placed(state, stage, self.positions, self.stages[stage])

@@ -64,6 +64,13 @@ def homographies(points: Array, uv: Array) -> Array:
     return whole / np.linalg.norm(whole, axis=(1, 2), keepdims=True)
 
 
+def gives_homography(points: Array, uv: Array) -> np.ndarray:
+    """Mask ``(N,)`` of the views that have one; arguments as for `homographies`."""
+    weight = np.asarray(np.isfinite(uv).all(axis=-1)).astype(float)
+    m, _ = _centred(np.broadcast_to(points[:, :2], uv.shape), weight)
+    return _spans_the_plane(m, weight)
+
+
 def _homographies(m: Array, p: Array, weight: Array) -> Array:
     """`homographies` of centred points."""
     whole = _linear_maps(m, p, weight)

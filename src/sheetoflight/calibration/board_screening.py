@@ -12,8 +12,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.special import chdtri
 
+from sheetoflight.calibration.board_closed_form import gives_homography
 from sheetoflight.calibration.board_planes import faces_in_space, on_faces, point_errors
-from sheetoflight.calibration.board_start import board_poses, boards_alone
+from sheetoflight.calibration.board_start import boards_alone
 from sheetoflight.calibration.line_consensus import (
     FacePlanes,
     agreed_pieces,
@@ -30,7 +31,6 @@ from sheetoflight.estimation.block_least_squares import Solution
 from sheetoflight.geometry.directions import Array
 from sheetoflight.model.board import Board, PlanarBoard
 from sheetoflight.model.board_views import BoardViews, LinePixels
-from sheetoflight.model.camera import Camera
 from sheetoflight.model.rig import Rig
 
 _PER_NORMAL = 1.1774
@@ -48,6 +48,9 @@ _PLENTY = 50
 
 _ON_EDGE = 0.1
 """Distance from a line of the pattern, in pitches, within which a line runs along it."""
+
+_ENOUGH = 200
+"""Points that tell where a line runs, as well as more do."""
 
 _SHOWN = 5
 """Names that are listed one by one."""
@@ -147,7 +150,7 @@ def _with_poses(rig: Rig) -> tuple[Rig, tuple[str, ...]]:
     views = rig.observations.board
     enough = views.seen.sum(axis=1) >= _FEWEST
     if isinstance(rig.board, PlanarBoard) and rig.camera is None:
-        enough &= np.isfinite(board_poses_anyhow(rig)).all(axis=(1, 2))
+        enough &= gives_homography(rig.board.points, views.uv)
     if not enough.any():
         raise UntrustworthyError(
             "board",
@@ -159,13 +162,6 @@ def _with_poses(rig: Rig) -> tuple[Rig, tuple[str, ...]]:
     names = [name for name, good in zip(views.names, enough, strict=True) if not good]
     words = tuple(f"view {name} of stage board (too few points)" for name in names)
     return with_board_views(rig, views.take(enough)), words
-
-
-def board_poses_anyhow(rig: Rig) -> Array:
-    """Poses for any camera: finite where a view gives one at all."""
-    width, height = rig.image_size
-    plain = Camera(rig.image_size, width, width, width / 2, height / 2)
-    return board_poses(rig, plain)
 
 
 def _sizes(rig: Rig, state: RigState) -> Array:
@@ -212,33 +208,31 @@ def _in_the_sheets(rig: Rig, state: RigState) -> tuple[Rig, tuple[str, ...]]:
     line = views.line
     if not len(line) or rig.board is None:
         return rig, ()
-    rays, poses = state.camera.unproject(line.uv), state.poses["board"]
-    points = on_faces(rays, *faces_in_space(rig.board, poses, line.view, line.face))
-    points = _in_board_frame(poses[line.view], points)
+    rays, groups = state.camera.unproject(line.uv), line.groups()
+    points = _in_board_frames(rig.board, line, groups, state.poses["board"], rays)
     printed = on_printed_part(rig, line, points)
     focal = 0.5 * (state.camera.alpha + state.camera.beta)
     kept = np.zeros(len(line), dtype=bool)
     lost: list[str] = []
     for laser in np.unique(line.laser):
-        lines = [own for own in line.groups() if line.laser[own[0]] == laser]
+        lines = [own for own in groups if line.laser[own[0]] == laser]
         images = [focal * rays[own, :2] for own in lines]
         whole = whole_lines(images)
         # on its pattern the board is sure to be, beside it only the others can tell
-        groups = [
+        lines = [
             own if straight is not None else _from_the_pattern(own, image, printed[own])
             for own, image, straight in zip(lines, images, whole, strict=True)
         ]
         cuts = cut_into_pieces(
-            [rays[own, :2] for own in groups], focal, [printed[own] for own in groups], whole
+            [rays[own, :2] for own in lines], focal, [printed[own] for own in lines], whole
         )
         pieces = [
             [piece for piece in cut if not _is_printed_edge(rig.board, points[own[piece.points]])]
-            for own, cut in zip(groups, cuts, strict=True)
+            for own, cut in zip(lines, cuts, strict=True)
         ]
-        firsts = line.take(np.array([own[0] for own in groups]))
-        faces = faces_in_space(rig.board, poses, firsts.view, firsts.face)
+        faces = _faces_of(rig.board, line, lines, state.poses["board"])
         chosen = agreed_pieces(pieces, FacePlanes(*faces), focal, len(views))
-        for own, cut, number in zip(groups, pieces, chosen, strict=True):
+        for own, cut, number in zip(lines, pieces, chosen, strict=True):
             if number is None:
                 lost.append(views.names[line.view[own[0]]])
             else:
@@ -255,7 +249,8 @@ def _is_printed_edge(board: Board, points: Array) -> bool:
     what a picture without laser light shows best. They agree on a sheet, for boards held alike."""
     if not isinstance(board, PlanarBoard):
         return False
-    places = np.sort(points[:, :2] / board.pitch_mm, axis=0)
+    some = points[:: max(len(points) // _ENOUGH, 1), :2]
+    places = np.sort(some / board.pitch_mm, axis=0)
     low, middle, high = places[(len(places) * np.array([0.05, 0.5, 0.95])).astype(int)]
     spread = high - low
     aligned = (np.abs(middle - np.rint(middle)) < _ON_EDGE) & (spread < 2.0 * _ON_EDGE)
@@ -280,9 +275,24 @@ def _lost_lines(names: list[str], others: bool) -> str:
     )
 
 
-def _in_board_frame(pose: Array, points: Array) -> Array:
-    """Points ``(P, 3)`` of the camera frame in the frames of boards ``(P, 3, 4)``, mm."""
-    return np.einsum("pji,pj->pi", pose[:, :, :3], points - pose[:, :, 3])
+def _faces_of(
+    board: Board, line: LinePixels, groups: list[np.ndarray], poses: Array
+) -> tuple[Array, Array]:
+    """The planes of the faces on which lines lie; see `faces_in_space`."""
+    firsts = np.array([own[0] for own in groups], dtype=int)
+    return faces_in_space(board, poses, line.view[firsts], line.face[firsts])
+
+
+def _in_board_frames(
+    board: Board, line: LinePixels, groups: list[np.ndarray], poses: Array, rays: Array
+) -> Array:
+    """Where the rays ``(P, 3)`` of lines meet their faces, in the frames of the boards, mm."""
+    points = np.empty_like(rays)
+    for own, normal, offset in zip(groups, *_faces_of(board, line, groups, poses), strict=True):
+        pose = poses[line.view[own[0]]]
+        there = on_faces(rays[None, own], normal[None], np.array([offset]))[0]
+        points[own] = (there - pose[:, 3]) @ pose[:, :3]
+    return points
 
 
 def on_printed_part(rig: Rig, line: LinePixels, points: Array) -> np.ndarray:

@@ -8,7 +8,7 @@ then the line's points are put onto the boards, and a plane through them is the 
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -45,8 +45,9 @@ def boards_alone(rig: Rig) -> Solution[RigState]:
     alone = replace(rig, observations=Observations(board=points))
     task = EstimationTask(alone, noise_model(alone), {}, (), "board")
     best: Solution[RigState] | None = None
-    for camera in _cameras(alone):
-        poses = board_poses(alone, camera)
+    maps = _image_maps(alone)
+    for camera in _cameras(alone, maps):
+        poses = board_poses(alone, camera, maps)
         if not np.isfinite(poses).all():
             continue
         state = replace(no_sheets(camera), poses={"board": poses})
@@ -81,16 +82,31 @@ def no_sheets(camera: Camera) -> RigState:
     return RigState(camera, np.array([0.0, 0.0, 1.0]), np.zeros((0, 3, 3)), np.zeros(0), {})
 
 
-def _cameras(rig: Rig) -> Iterator[Camera]:
+@dataclass(frozen=True)
+class _ImageMaps:
+    """Homographies ``(N, 3, 3)`` from a flat board to the image in coordinates of about 1, and
+    what makes such of px ``(3, 3)``."""
+
+    maps: Array
+    pixels: Array
+
+
+def _image_maps(rig: Rig) -> _ImageMaps | None:
+    """None for solid bodies, and where a lens is known that bends the image."""
+    if rig.camera is not None or not isinstance(rig.board, PlanarBoard):
+        return None
+    uv = rig.observations.board.uv
+    pixels = normalisation(uv.reshape(-1, 2))
+    return _ImageMaps(homographies(rig.board.points, uv * pixels[0, 0] + pixels[:2, 2]), pixels)
+
+
+def _cameras(rig: Rig, image: _ImageMaps | None) -> Iterator[Camera]:
     """Cameras worth trying, the best founded first."""
     if rig.camera is not None:
         yield rig.camera
         return
-    views = rig.observations.board
-    if isinstance(rig.board, PlanarBoard):
-        pixels = normalisation(views.uv.reshape(-1, 2))
-        uv = views.uv * pixels[0, 0] + pixels[:2, 2]
-        maps = homographies(rig.board.points, uv)
+    if image is not None:
+        maps, pixels = image.maps, image.pixels
         maps = maps[np.isfinite(maps).all(axis=(1, 2))]
         middle = 0.5 * (np.array(rig.image_size) - 1.0) * pixels[0, 0] + pixels[:2, 2]
         found = closed_form_cameras(np.zeros((0, 3)), list(maps), middle, rig.skew)
@@ -118,18 +134,26 @@ def _projected(rig: Rig) -> list[Array]:
     return [np.median(found, axis=0)] if found else []
 
 
-def board_poses(rig: Rig, camera: Camera) -> Array:
-    """Poses ``(N, 3, 4)`` of the boards for a camera; NaN where a view gives none."""
+def board_poses(rig: Rig, camera: Camera, image: _ImageMaps | None = None) -> Array:
+    """Poses ``(N, 3, 4)`` of the boards for a camera; NaN where a view gives none.
+
+    Where the maps to the image are known, the camera's lens must not bend it.
+    """
     assert rig.board is not None
+    if image is not None:
+        return _as_poses(pose_from_homography(image.pixels @ camera.matrix, image.maps))
     views, board = rig.observations.board, rig.board
     xy = camera.unproject(views.uv)[..., :2]
     if isinstance(board, PlanarBoard):
-        turns, shifts = pose_from_homography(np.eye(3), homographies(board.points, xy))
-        return np.concatenate([turns, shifts[..., None]], axis=2)
+        return _as_poses(pose_from_homography(np.eye(3), homographies(board.points, xy)))
     poses = np.full((len(views), 3, 4), np.nan)
-    for index, image in enumerate(xy):
-        seen = np.isfinite(image).all(axis=1)
-        result = dlt_camera(board.points[seen], image[seen]) if seen.sum() >= 6 else None
+    for index, view in enumerate(xy):
+        seen = np.isfinite(view).all(axis=1)
+        result = dlt_camera(board.points[seen], view[seen]) if seen.sum() >= 6 else None
         if result is not None:
             poses[index] = result[1]
     return poses
+
+
+def _as_poses(parts: tuple[Array, Array]) -> Array:
+    return np.concatenate([parts[0], parts[1][..., None]], axis=2)

@@ -9,27 +9,21 @@ board that is bent in one view, or a line that winds, is no reason to bend the s
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
 from scipy.special import fdtrc
 
-from sheetoflight.calibration.adjustment import Adjustment
 from sheetoflight.calibration.board_evidence import BoardEvidence
-from sheetoflight.calibration.board_planes import ends_on_boards
+from sheetoflight.calibration.board_planes import ends_on_boards, faces_in_space, on_faces
 from sheetoflight.calibration.components import COMPONENTS, LINE, SHAPE
 from sheetoflight.calibration.fitting import Fit, fitted
 from sheetoflight.calibration.noise import NoiseModel
 from sheetoflight.calibration.printed_points import print_errors
 from sheetoflight.calibration.rig_state import RigState, SheetBends, bend_names
 from sheetoflight.errors import UntrustworthyError
-from sheetoflight.estimation.block_least_squares import scaled_inverse
-from sheetoflight.estimation.variance_components import (
-    Contrasts,
-    reduced_model,
-    variance_components,
-)
+from sheetoflight.estimation.block_least_squares import reduced_equations, scaled_inverse
+from sheetoflight.estimation.variance_components import reduced_model, variance_components
 from sheetoflight.geometry.directions import Array
 from sheetoflight.model.sheet_curvature import SheetCurvature
 
@@ -63,7 +57,7 @@ def curved(fit: Fit, noise: NoiseModel) -> tuple[Fit, tuple[str, ...]]:
     boards = fit.adjustment.boards
     if boards is None or boards.lines is None or not len(boards.lines):
         return fit, ()
-    state = replace(fit.state, bends=_unbent(fit))
+    state = replace(fit.state, bends=_unbent(boards, fit.state))
     odds = _odds_of_flat(fit, state)
     bent = np.flatnonzero(odds <= _ODDS)
     if not len(bent):
@@ -108,13 +102,15 @@ def _kept_flat(laser: str, odds: float, reason: str) -> str:
     )
 
 
-def _unbent(fit: Fit) -> SheetBends:
+def _unbent(boards: BoardEvidence, state: RigState) -> SheetBends:
     """Flat sheets, ready to bend about the middle of their lines."""
-    state = fit.state
-    ends, laser = ends_on_boards(fit.rig, state)
+    lines = boards.lines
+    assert lines is not None
+    faces = faces_in_space(boards.board, state.poses["board"], lines.view, lines.face)
+    ends = on_faces(lines.ends, *faces)
     centres = state.distances[:, None] * state.frames[:, :, 2]
     for number in range(len(centres)):
-        points = ends[laser == number].reshape(-1, 3)
+        points = ends[lines.laser == number].reshape(-1, 3)
         points = points[np.isfinite(points).all(axis=1)]
         if len(points):
             centres[number] = points.mean(axis=0)
@@ -124,45 +120,35 @@ def _unbent(fit: Fit) -> SheetBends:
 def _odds_of_flat(fit: Fit, state: RigState) -> Array:
     """Odds ``(S,)`` that flat sheets look as curved as these: Wald's test of each one's bends at
     0, those of the others being free."""
-    adjustment, names = fit.adjustment, bend_names(len(state.distances))
-    boards = adjustment.boards
+    names = bend_names(len(state.distances))
+    parameters, stages = (*fit.adjustment.parameters, *names), fit.adjustment.stages
+    boards = fit.adjustment.boards
     assert boards is not None
     assert boards.lines is not None
-    parameters = (*adjustment.parameters, *names)
-    wide = Adjustment(
-        adjustment.positions,
-        adjustment.stages,
-        adjustment.std,
-        parameters,
-        adjustment.whiteners,
-        boards,
-    )
     freedom = _PER_LINE * len(boards.lines) - _PARTS * (len(state.distances) + len(names) // _PARTS)
-    flat = np.ones(len(state.distances))
     if freedom < 1:
-        return flat
+        return np.ones(len(state.distances))
     acting = np.isin(np.arange(len(COMPONENTS)), _NOISE_PARTS)
-    noise = replace(fit.noise, free=fit.noise.free | acting)
-    groups = noise.contrasts(wide, state, {})
-    sizes, count = fit.noise.variances, len(names)
+    points_alone = fit.noise.with_variances(np.where(acting, 0.0, fit.noise.variances))
+    wide = points_alone.adjustment(fit.rig, stages, parameters, state)
     try:
-        without = np.where(acting, 0.0, sizes)
-        odds = _odds(groups, len(parameters), without, count, freedom)
+        odds = _odds(*reduced_equations(wide.blocks(state), len(parameters)), len(names), freedom)
         if (odds > _ODDS).all():  # any noise of whole lines would only make them larger
             return odds
-        start = np.where(acting, np.maximum(sizes, 1e-12), sizes)
+        noise = replace(fit.noise, free=fit.noise.free | acting)
+        groups = noise.contrasts(wide, state, {})
+        start = np.where(acting, np.maximum(noise.variances, 1e-12), noise.variances)
         sizes = variance_components(groups, len(parameters), start, noise.free).sizes
-        return _odds(groups, len(parameters), sizes, count, freedom)
+        model = reduced_model(groups, len(parameters), sizes)
+        return _odds(model.information, model.gradient, len(names), freedom)
     except np.linalg.LinAlgError:  # the lines do not tell
-        return flat
+        return np.ones(len(state.distances))
 
 
-def _odds(groups: Sequence[Contrasts], size: int, sizes: Array, bends: int, freedom: int) -> Array:
+def _odds(information: Array, gradient: Array, bends: int, freedom: int) -> Array:
     """Odds of chance of each sheet's bends, the last of the parameters, as large as found."""
-    model = reduced_model(groups, size, sizes)
-    covariance = scaled_inverse(model.information)[0]
-    own = slice(size - bends, size)
-    found = -(covariance @ model.gradient)[own].reshape(-1, _PARTS)
+    covariance, own = scaled_inverse(information)[0], slice(len(gradient) - bends, None)
+    found = -(covariance @ gradient)[own].reshape(-1, _PARTS)
     sheets = range(len(found))
     spread = covariance[own, own].reshape(len(found), _PARTS, len(found), _PARTS)
     parts = np.array([found[k] @ np.linalg.solve(spread[k, :, k], found[k]) for k in sheets])

@@ -34,6 +34,7 @@ from sheetoflight.estimation.block_least_squares import (
 from sheetoflight.estimation.variance_components import (
     Contrasts,
     ReducedModel,
+    VarianceComponents,
     excess,
     reduced_model,
     variance_components,
@@ -47,6 +48,8 @@ _OFFSETS = (PLACEMENT, MARKER, LINE, SHAPE)
 
 _IS_SHAPE = np.arange(len(COMPONENTS)) == SHAPE
 
+_IS_OFFSET = np.isin(np.arange(len(COMPONENTS)), _OFFSETS)
+
 _NOTHING = np.zeros((len(COMPONENTS), len(COMPONENTS)))
 
 _RESELECTIONS = 5
@@ -54,6 +57,10 @@ _NOISE_ROUNDS = 8
 _SETTLED = 0.01
 """Relative change of a standard deviation below which the weights are not renewed: the estimates
 depend on errors of the weights in second order only."""
+
+_WELL_KNOWN = 1e-3
+"""Last step of the variances, in standard uncertainties of them, after which they are as well
+known as these residuals can tell."""
 
 _SHOWN = 1.96
 """Standard deviations by which the residuals must ask for offsets of the target from the sheet:
@@ -155,7 +162,8 @@ def fitted(
     stage : str
         What to blame in errors.
     solution : Solution, optional
-        Of the estimates for independent image points, where it is known.
+        Of the estimates for independent image points, where it is known; or, with no iterations,
+        a state so near to it that the residuals there tell the noise.
 
     Raises
     ------
@@ -163,14 +171,16 @@ def fitted(
         If a view does not determine its own pose, or there is no convergence.
     """
     adjustment = noise.adjustment(rig, stages, free, state)
-    if solution is None or adjustment.whiteners:
+    acting = _acting(adjustment)
+    sizes = noise.free & acting & (adjustment.degrees_of_freedom > 0)
+    one = (acting & (sizes | (noise.variances > 0))).sum() == 1
+    waits = solution is not None and not solution.iterations and sizes.any() and not one
+    if solution is None or adjustment.whiteners or not (solution.iterations or waits):
         solution = settled(adjustment, state, stage)
     fit = Fit(rig, adjustment, solution, noise, _NOTHING)
-    acting = _acting(adjustment)
-    sizes = noise.free & acting
-    if not sizes.any() or adjustment.degrees_of_freedom < 1:
+    if not sizes.any():
         return fit
-    if (acting & (sizes | (noise.variances > 0))).sum() == 1:
+    if one:
         return _with_one_component(fit, int(np.argmax(sizes)))
     return _with_components(fit, sizes, stage)
 
@@ -207,41 +217,70 @@ def _with_one_component(fit: Fit, component: int) -> Fit:
 def _with_components(fit: Fit, free: np.ndarray, stage: str) -> Fit:
     """Residuals tell the noise, the noise weighs the residuals, until both agree."""
     rig, noise, adjustment, solution = fit.rig, fit.noise, fit.adjustment, fit.solution
-    start = _first_sizes(fit, free)
+    first = _first_sizes(fit, free)
     curved = fit.state.bends is not None
     if free[list(_OFFSETS)].any():
         # a curved sheet is seldom of second order only: what is left winds all lines
-        free = free & (_asked_for(fit, start, free) | (curved & _IS_SHAPE))
+        free = free & (_asked_for(fit, first, free) | (curved & _IS_SHAPE))
         if not noise.placed_off and free.sum() == 1 and adjustment.boards is None:
             return _with_one_component(fit, int(np.argmax(free)))
         if not free.any():
-            return fit
-    variances, start = noise.variances, _first_offsets(fit, start, free)
+            return _adjusted(fit, stage)
+    start = _first_offsets(fit, first.sizes, free)
     if free[SHAPE] and not curved:
         straight, wound = _of_winding_lines(fit, start, free)
         settled_fit = _with_components(straight, free & ~_IS_SHAPE, stage)
         return replace(settled_fit, size_covariance=settled_fit.size_covariance + wound)
-    spread = _NOTHING
+    variances, spread = noise.variances, _NOTHING
     acting, groups = _acting(adjustment), fit.contrasts
     for _ in range(_NOISE_ROUNDS):
         try:
-            found = variance_components(groups, adjustment.shared_size, start, free)
+            found = _sizes(groups, adjustment, start, free)
         except np.linalg.LinAlgError:  # undetermined, which is for others to tell
             break
         spread = found.covariance
-        settled_now = _alike(found.sizes[acting], variances[acting])
+        alike = _alike(found.sizes[acting], variances[acting])
         variances = start = found.sizes
-        if settled_now:
-            final = Fit(rig, adjustment, solution, noise.with_variances(variances), spread)
-            vars(final)["contrasts"] = groups  # at this state: they need not be made again
+        if alike and solution.iterations:
+            final = _at_its_lines(
+                Fit(rig, adjustment, solution, noise.with_variances(variances), spread), stage
+            )
+            vars(final)["contrasts"] = groups  # as good as at this state
             return final
-        weighted = noise.with_variances(variances)
-        adjustment = weighted.adjustment(
-            rig, adjustment.stages, adjustment.parameters, solution.state
-        )
+        adjustment = _weighed(fit, variances, solution.state)
         solution = settled(adjustment, solution.state, stage)
         groups = noise.contrasts(adjustment, solution.state, {})
-    return Fit(rig, adjustment, solution, noise.with_variances(variances), spread)
+    last = Fit(rig, adjustment, solution, noise.with_variances(variances), spread)
+    return _adjusted(last, stage)
+
+
+def _adjusted(fit: Fit, stage: str) -> Fit:
+    """The fit at its minimum, where it is but beside it."""
+    if fit.solution.iterations:
+        return fit
+    return replace(fit, solution=settled(fit.adjustment, fit.state, stage))
+
+
+def _weighed(fit: Fit, variances: Array, state: RigState) -> Adjustment:
+    """The adjustment of a fit with other variances, its lines reduced anew at a state."""
+    old = fit.adjustment
+    return fit.noise.with_variances(variances).adjustment(
+        fit.rig, old.stages, old.parameters, state
+    )
+
+
+def _at_its_lines(fit: Fit, stage: str) -> Fit:
+    """The fit of lines that were reduced near enough to where it ends."""
+    if fit.adjustment.holds_at(fit.state):
+        return fit
+    adjustment = _weighed(fit, fit.noise.variances, fit.state)
+    return replace(fit, adjustment=adjustment, solution=settled(adjustment, fit.state, stage))
+
+
+def _sizes(
+    groups: Sequence[Contrasts], adjustment: Adjustment, start: Array, free: np.ndarray
+) -> VarianceComponents:
+    return variance_components(groups, adjustment.shared_size, start, free, _WELL_KNOWN)
 
 
 def _alike(sizes: Array, others: Array) -> bool:
@@ -257,7 +296,7 @@ def _of_winding_lines(fit: Fit, start: Array, free: np.ndarray) -> tuple[Fit, Ar
     it is known how much they wind."""
     wound = _NOTHING.copy()
     with suppress(np.linalg.LinAlgError):
-        found = variance_components(fit.contrasts, fit.adjustment.shared_size, start, free)
+        found = _sizes(fit.contrasts, fit.adjustment, start, free)
         start, wound[SHAPE, SHAPE] = found.sizes, found.covariance[SHAPE, SHAPE]
     start = np.where(_IS_SHAPE, np.maximum(start, np.finfo(float).tiny), start)
     noise = replace(fit.noise.with_variances(start), free=fit.noise.free & ~_IS_SHAPE)
@@ -267,42 +306,40 @@ def _of_winding_lines(fit: Fit, start: Array, free: np.ndarray) -> tuple[Fit, Ar
     return Fit(fit.rig, adjustment, solution, noise, _NOTHING), wound
 
 
-def _first_sizes(fit: Fit, free: np.ndarray) -> Array:
+def _first_sizes(fit: Fit, free: np.ndarray) -> VarianceComponents:
     """Variances without offsets, roughly: what scales all residuals where that is the pixel noise
     alone, else estimated."""
-    offsets = np.isin(np.arange(len(free)), _OFFSETS)
-    variances = np.where(free & offsets, 0.0, fit.noise.variances)
-    always = free & ~offsets
+    variances = np.where(free & _IS_OFFSET, 0.0, fit.noise.variances)
+    always = free & ~_IS_OFFSET
     if fit.adjustment.boards is None:
         if free[PIXEL]:
             variances[PIXEL] *= max(fit.chi2 / fit.degrees_of_freedom, 1e-12)
-        return variances
+        always = np.zeros_like(free)
     try:
-        size = fit.adjustment.shared_size
-        return variance_components(fit.contrasts, size, variances, always).sizes
+        return _sizes(fit.contrasts, fit.adjustment, variances, always)
     except np.linalg.LinAlgError:
-        return variances
+        nothing = np.zeros(len(variances))
+        return VarianceComponents(variances, _NOTHING, False, nothing, _NOTHING)
 
 
-def _asked_for(fit: Fit, variances: Array, free: np.ndarray) -> np.ndarray:
+def _asked_for(fit: Fit, first: VarianceComponents, free: np.ndarray) -> np.ndarray:
     """Components to estimate: each kind of offset from the sheet only where the residuals show it,
     the second beside the first.
 
     A variance that can only be positive would else, where there is none, be found too large.
     """
-    groups, size = fit.contrasts, fit.adjustment.shared_size
-    asked = free & ~np.isin(np.arange(len(free)), _OFFSETS)
+    variances, asked = first.sizes, free & ~_IS_OFFSET
     try:
-        strength = np.where(free & ~asked, excess(groups, size, variances, free), -np.inf)
-        first = int(np.argmax(strength))
-        if strength[first] <= _SHOWN and not _scatters_more(
-            fit.adjustment, groups, variances, free
+        strength = np.where(free & ~asked, excess(first, free), -np.inf)
+        best = int(np.argmax(strength))
+        if strength[best] <= _SHOWN and not _scatters_more(
+            fit.adjustment, fit.contrasts, variances, free
         ):
             return asked
-        asked[first] = True
+        asked[best] = True
         start = _first_offsets(fit, variances, free & asked)
-        sizes = variance_components(groups, size, start, free & asked).sizes
-        return asked | (excess(groups, size, sizes, free & asked) > _SHOWN)
+        found = _sizes(fit.contrasts, fit.adjustment, start, free & asked)
+        return asked | (excess(found, free & asked) > _SHOWN)
     except np.linalg.LinAlgError:
         return asked
 

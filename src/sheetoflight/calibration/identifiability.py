@@ -143,7 +143,7 @@ def _require_little_spread(fit: Fit) -> list[Weakness]:
                 "leave {what} uncertain by "
                 f"{weakness.relative_std:.0%} (limit {LINEAR_LIMIT:.0%})"
             )
-            raise _refusal(fit, information, weakness, text)
+            raise _refusal(fit, information, weakness, text, _cause(weakness, weaknesses))
     worst = _worst_of_each_stage(weaknesses)
     if not fit.solution.converged:
         text = f"hardly determine {{what}}: no convergence after {fit.solution.iterations} steps"
@@ -345,9 +345,18 @@ def _moved(fit: Fit, step: Array) -> RigState | None:
     return fit.state.moved(shared, local)
 
 
-def _refusal(fit: Fit, information: Array, weakness: Weakness, text: str) -> UntrustworthyError:
+def _cause(weakness: Weakness, others: list[Weakness]) -> Weakness:
+    """What to mend: where the camera is weak the sheet is too, but not the other way round."""
+    camera = [other for other in others if other.stage == "camera" and other.relative_std > WEAK]
+    return max((weakness, *camera), key=lambda one: (one.stage == "camera", one.relative_std))
+
+
+def _refusal(
+    fit: Fit, information: Array, weakness: Weakness, text: str, cause: Weakness | None = None
+) -> UntrustworthyError:
+    cause = cause or weakness
     return UntrustworthyError(
         stage_of(fit.rig, weakness.stage),
         f"the views {text.format(what=weakness.in_words)}",
-        advice(fit, information, weakness.stage, weakness.parameter),
+        advice(fit, information, cause.stage, cause.parameter),
     )

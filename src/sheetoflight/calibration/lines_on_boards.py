@@ -47,7 +47,7 @@ _TO_LEGENDRE = np.linalg.inv(legvander(_NODES, _DEGREES - 1))
 _AT_NODES = legvander(_NODES, 1)
 _SHAPES_AT_NODES = legvander(_NODES, max(SHAPES))[:, SHAPES] * np.sqrt(2 * np.array(SHAPES) + 1)
 
-_NEGLIGIBLE = 1e-3
+_NEGLIGIBLE = 1e-2
 """Largest second-order change of a line, in px, for which a neighbouring camera's rows will do."""
 
 

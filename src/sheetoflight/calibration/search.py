@@ -39,9 +39,6 @@ _ROUGHLY = SolverOptions(tolerance=1e-2)
 _BRIEFLY = SolverOptions(iterations=15)
 """For what either arrives soon or has gone astray."""
 
-_AT_FIRST = SolverOptions(tolerance=1e-6)
-"""For what is adjusted again, once the proportions of the noise are known."""
-
 _AGREEING = 4
 """Starts that lead to one minimum before it is taken although it is not convincing: two have been
 seen to meet in a false one."""
@@ -100,11 +97,13 @@ def _best_minimum(task: EstimationTask, complete: Completion) -> Solution[RigSta
 
 
 def _from_boards(task: EstimationTask, complete: Completion) -> Solution[RigState]:
-    """Boards begin beside their minimum."""
+    """Boards begin beside their minimum: near enough to tell the noise of their lines, by which
+    they are adjusted then."""
     assert task.start is not None
     state = complete(task.rig, None, task.start)
-    options = _AT_FIRST if len(task.rig.observations.board.line) else None
-    return settled(_adjustment(task, task.free, state), state, task.blamed, options)
+    if len(task.rig.observations.board.line):
+        return Solution(state, np.inf, 0, converged=False)
+    return settled(_adjustment(task, task.free, state), state, task.blamed)
 
 
 def _starts(

@@ -16,7 +16,7 @@ from sheetoflight.calibration.track_adjustment import TrackAdjustment, TrackStat
 from sheetoflight.errors import InputError, UntrustworthyError
 from sheetoflight.estimation.block_least_squares import (
     SolverOptions,
-    reduced_information,
+    reduced_equations,
     scaled_inverse,
     solve,
 )
@@ -220,7 +220,7 @@ def adjusted(
     try:
         solution = solve(problem, state, _OPTIONS)
         blocks = problem.blocks(solution.state)
-        inverse, _ = scaled_inverse(reduced_information(blocks, problem.shared_size))
+        inverse, _ = scaled_inverse(reduced_equations(blocks, problem.shared_size)[0])
     except np.linalg.LinAlgError:
         return None
     rms = float(np.sqrt(2.0 * solution.cost / freedom))

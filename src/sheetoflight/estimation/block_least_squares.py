@@ -234,11 +234,12 @@ def _costs(block: Block) -> Array:
     return np.nan_to_num(np.sum(block.residuals**2, axis=1), nan=np.inf)
 
 
-def reduced_information(blocks: Sequence[Block], size: int) -> Array:
-    """Normal equations ``(size, size)`` of the shared parameters, all others eliminated."""
+def reduced_equations(blocks: Sequence[Block], size: int) -> tuple[Array, Array]:
+    """Information ``(size, size)`` and gradient ``(size,)`` of the shared parameters, all others
+    eliminated."""
     parts = [_Elimination.of(block) for block in blocks]
-    matrix, _ = _reduced(parts, [part.solved(0.0) for part in parts], size)
-    return 0.5 * (matrix + matrix.T)
+    matrix, gradient = _reduced(parts, [part.solved(0.0) for part in parts], size)
+    return 0.5 * (matrix + matrix.T), gradient
 
 
 def _reduced(

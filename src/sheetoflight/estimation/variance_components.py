@@ -20,6 +20,8 @@ from sheetoflight.geometry.directions import Array
 
 _ITERATIONS = 60
 _TOLERANCE = 1e-6
+"""Length of the last step, in standard uncertainties of the variances."""
+
 _LARGEST_FALL = 0.02
 """No variance falls to less than this part of itself in one step: the next score may be wrong."""
 
@@ -225,15 +227,25 @@ class VarianceComponents:
     covariance : (K, K) array
         Of the estimates; zero rows for components that were held or vanished.
     converged : bool
+    score : (K,) array
+        Twice the slope of the likelihood where the last step began, of all components.
+    fisher : (K, K) array
+        Twice the information on them there.
     """
 
     sizes: Array
     covariance: Array
     converged: bool
+    score: Array
+    fisher: Array
 
 
 def variance_components(
-    groups: Sequence[Contrasts], size: int, start: Array, free: np.ndarray
+    groups: Sequence[Contrasts],
+    size: int,
+    start: Array,
+    free: np.ndarray,
+    tolerance: float = _TOLERANCE,
 ) -> VarianceComponents:
     """Restricted maximum likelihood of the component variances.
 
@@ -246,6 +258,8 @@ def variance_components(
         First variances, above zero where free.
     free : (K,) mask
         Components to estimate; the others keep their start.
+    tolerance : float
+        Length of the last step, in standard uncertainties of the variances.
 
     Raises
     ------
@@ -253,9 +267,8 @@ def variance_components(
         If the shared parameters are undetermined.
     """
     sizes, active, converged = start.astype(float), free.copy(), not free.any()
-    fisher = np.zeros((len(start), len(start)))
+    score, fisher, scale = _score(groups, size, sizes)
     for _ in range(_ITERATIONS if free.any() else 0):
-        score, fisher, scale = _score(groups, size, sizes)
         # a variance that has fallen to nothing comes back only if the likelihood asks for it
         active = free & ((sizes > 0) | (score > 0))
         if not active.any():
@@ -268,16 +281,17 @@ def variance_components(
         proposed = np.where(active & (sizes == 0), np.maximum(step, 0.0), proposed)
         proposed = np.where(active & (proposed * scale < _VANISHED), 0.0, proposed)
         proposed = np.where(free, proposed, sizes)
-        small = np.abs(proposed - sizes) <= _TOLERANCE * np.maximum(proposed, sizes)
+        change = proposed - sizes
         sizes = proposed
-        if small[free].all():
+        if 0.5 * change @ fisher @ change <= tolerance**2:
             converged = True
             break
+        score, fisher, scale = _score(groups, size, sizes)
     covariance = np.zeros_like(fisher)
     known = free & (sizes > 0)
     if known.any():
         covariance[np.ix_(known, known)] = 2.0 * _pseudo_inverse(fisher[np.ix_(known, known)])
-    return VarianceComponents(sizes, covariance, bool(converged))
+    return VarianceComponents(sizes, covariance, bool(converged), score, fisher)
 
 
 def _pseudo_inverse(fisher: Array) -> Array:
@@ -288,10 +302,10 @@ def _pseudo_inverse(fisher: Array) -> Array:
     return inverse * scale[:, None] * scale
 
 
-def excess(groups: Sequence[Contrasts], size: int, sizes: Array, free: np.ndarray) -> Array:
+def excess(found: VarianceComponents, free: np.ndarray) -> Array:
     """How strongly the residuals ask for more of each component, in standard deviations.
 
-    Rao's score test of the null hypothesis that `sizes` are right, each component by itself,
+    Rao's score test of the null hypothesis that the sizes are right, each component by itself,
     with the ``free`` ones that are above zero estimated beside it.
 
     Returns
@@ -299,7 +313,7 @@ def excess(groups: Sequence[Contrasts], size: int, sizes: Array, free: np.ndarra
     (K,) array
         About standard normal under the null hypothesis; 0 for components that act nowhere.
     """
-    score, fisher, _ = _score(groups, size, sizes)
+    sizes, score, fisher = found.sizes, found.score, found.fisher
     beside = np.flatnonzero(free & (sizes > 0))
     result = np.zeros(len(sizes))
     for k in range(len(sizes)):
