@@ -43,7 +43,7 @@ not so much in one view alone."""
 _PRINTED = 0.2
 """Share of the views in which a point must be off before it is thought to be misprinted."""
 
-_PLENTY = 50
+_PLENTY = 15
 """Points of a line on the pattern that tell which way it goes on beside it."""
 
 _ON_EDGE = 0.1
@@ -214,10 +214,11 @@ def _in_the_sheets(rig: Rig, state: RigState) -> tuple[Rig, tuple[str, ...]]:
     focal = 0.5 * (state.camera.alpha + state.camera.beta)
     kept = np.zeros(len(line), dtype=bool)
     lost: list[str] = []
+    edges: list[str] = []
     for laser in np.unique(line.laser):
         lines = [own for own in groups if line.laser[own[0]] == laser]
         images = [focal * rays[own, :2] for own in lines]
-        whole = whole_lines(images)
+        whole = whole_lines(images, [printed[own] for own in lines])
         # on its pattern the board is sure to be, beside it only the others can tell
         lines = [
             own if straight is not None else _from_the_pattern(own, image, printed[own])
@@ -232,16 +233,16 @@ def _in_the_sheets(rig: Rig, state: RigState) -> tuple[Rig, tuple[str, ...]]:
         ]
         faces = _faces_of(rig.board, line, lines, state.poses["board"])
         chosen = agreed_pieces(pieces, FacePlanes(*faces), focal, len(views))
-        for own, cut, number in zip(lines, pieces, chosen, strict=True):
+        for own, cut, whole_cut, number in zip(lines, pieces, cuts, chosen, strict=True):
             if number is None:
-                lost.append(views.names[line.view[own[0]]])
+                names = edges if whole_cut and not cut else lost
+                names.append(views.names[line.view[own[0]]])
             else:
                 kept[own[cut[number].points]] = True
     left = line.take(kept)
     if len(left):
         reduced_lines(left, state.camera, rays[kept])
-    words = (_lost_lines(lost, bool(kept.any())),) if lost else ()
-    return with_board_views(rig, replace(views, line=left)), words
+    return with_board_views(rig, replace(views, line=left)), _lost_lines(lost, edges, kept.any())
 
 
 def _is_printed_edge(board: Board, points: Array) -> bool:
@@ -262,17 +263,27 @@ def _from_the_pattern(own: np.ndarray, points: Array, printed: np.ndarray) -> np
     return own[grown(points, printed)] if printed.sum() >= _PLENTY else own
 
 
-def _lost_lines(names: list[str], others: bool) -> str:
-    which = ", ".join(names[:_SHOWN]) + (
-        f" and {len(names) - _SHOWN} more" if len(names) > _SHOWN else ""
+def _lost_lines(lost: list[str], edges: list[str], others: bool | np.bool_) -> tuple[str, ...]:
+    """In words, the lines of views that are left out, and those along lines of the pattern."""
+    if not others:
+        every = [*lost, *edges]
+        reason = "in no common sheet: right if the laser was off"
+        return (f"what looks like a line in {_views(every)} of stage board ({reason})",) * bool(every)
+    beside = "not in the others' sheet"
+    along = (
+        "along the board's own rows or columns, whose edges pull at light and look like it – lay "
+        "the line askew to the squares"
     )
-    many = "s" if len(names) > 1 else ""
-    if others:
-        return f"the line{many} of view{many} {which} of stage board (not in the others' sheet)"
-    return (
-        f"what looks like a line in view{many} {which} of stage board (in no common sheet: right "
-        "if the laser was off)"
+    return tuple(
+        f"the line{'s' * (len(names) > 1)} of {_views(names)} of stage board ({reason})"
+        for names, reason in ((lost, beside), (edges, along))
+        if names
     )
+
+
+def _views(names: list[str]) -> str:
+    more = f" and {len(names) - _SHOWN} more" if len(names) > _SHOWN else ""
+    return f"view{'s' * (len(names) > 1)} {', '.join(names[:_SHOWN])}{more}"
 
 
 def _faces_of(

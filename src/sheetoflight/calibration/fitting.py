@@ -242,11 +242,9 @@ def _with_components(fit: Fit, free: np.ndarray, stage: str) -> Fit:
         alike = _alike(found.sizes[acting], variances[acting])
         variances = start = found.sizes
         if alike and solution.iterations:
-            final = _at_its_lines(
-                Fit(rig, adjustment, solution, noise.with_variances(variances), spread), stage
-            )
-            vars(final)["contrasts"] = groups  # as good as at this state
-            return final
+            final = Fit(rig, adjustment, solution, noise.with_variances(variances), spread)
+            vars(final)["contrasts"] = groups  # at this state: they need not be made again
+            return _at_its_lines(final, stage)
         adjustment = _weighed(fit, variances, solution.state)
         solution = settled(adjustment, solution.state, stage)
         groups = noise.contrasts(adjustment, solution.state, {})

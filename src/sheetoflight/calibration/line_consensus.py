@@ -29,7 +29,7 @@ _SHORT = 10
 """Fewest points of a piece."""
 
 _SHARE = 0.15
-"""The same as a part of its line: splinters agree with anything."""
+"""The same as a part of its line, or of what lies on the pattern: splinters agree with anything."""
 
 _DRAWS = 60
 _PAIRS = 1500
@@ -122,9 +122,10 @@ def cut_into_pieces(
     ]
 
 
-def whole_lines(lines: list[Array]) -> list[np.ndarray | None]:
+def whole_lines(lines: list[Array], printed: list[np.ndarray]) -> list[np.ndarray | None]:
     """For each line the mask of its points that agree with one straight line, where nearly all
-    do: most lines are of one piece, and all of them are looked at together."""
+    do, and of those on the printed part of the board too: most lines are of one piece, and all of
+    them are looked at together."""
     some = np.zeros((len(lines), _ENOUGH, 2))
     for number, points in enumerate(lines):
         if len(points) >= _SHORT and np.isfinite(points).all():
@@ -146,17 +147,18 @@ def whole_lines(lines: list[Array]) -> list[np.ndarray | None]:
         scale = np.maximum(np.median(off, axis=1) / _PER_SINGLE, _ROUNDING_PX)
         weights = 1.0 / (1.0 + (off / (2.0 * scale[:, None])) ** 2)
     found: list[np.ndarray | None] = []
-    for points, m, n, s in zip(lines, middle, normal, scale, strict=True):
+    for points, m, n, s, sure in zip(lines, middle, normal, scale, printed, strict=True):
         off = np.abs(points @ n - m @ n)
         own = off <= s * np.sqrt(float(chdtri(1, FALSE_ALARM / max(len(points), 1))))
         good = len(points) >= _SHORT and own.mean() >= _MOST and off[own].max() <= _TOLERANCE_PX
+        good = good and (not sure.any() or own[sure].mean() >= _MOST)
         found.append(own if good else None)
     return found
 
 
 def _piece(points: np.ndarray, xy: Array, preferred: np.ndarray) -> Piece:
     weight = len(points) + (_PREFERENCE - 1.0) * preferred[points].sum()
-    return Piece(points, _ends(xy[points]), float(weight))
+    return Piece(points, _ends(xy[points]), min(float(weight), _PREFERENCE * _ENOUGH))
 
 
 def _straight_pieces(xy: Array, focal: float, preferred: np.ndarray, rng_seed: int) -> list[Piece]:
@@ -175,8 +177,10 @@ def _straight_pieces(xy: Array, focal: float, preferred: np.ndarray, rng_seed: i
         pieces.append(_piece(left[own], xy, preferred))
         near = np.abs(_off(points, points[own])) <= _TOLERANCE_PX
         left = left[~(own | near)]
-    long = [piece for piece in pieces if len(piece.points) >= _SHARE * len(xy)]
-    return sorted(long, key=lambda piece: -piece.weight)
+    sure = int(preferred.sum())
+    long = _SHARE * (sure if sure >= _SHORT else len(xy))
+    pieces = [piece for piece in pieces if len(piece.points) >= long]
+    return sorted(pieces, key=lambda piece: -piece.weight)
 
 
 def agreeing(points: Array) -> np.ndarray:
