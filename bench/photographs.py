@@ -119,8 +119,8 @@ def with_lines(rig: Rig, kept: np.ndarray) -> Rig:
     return replace(rig, observations=replace(rig.observations, board=views))
 
 
-def left_out_heights(rig: Rig) -> Iterator[Array]:
-    """Distances in mm of each view's line from its board, by the sheet of all other views.
+def left_out_heights(rig: Rig) -> Iterator[float]:
+    """Mean height in mm of each view's line above its board, by the sheet of all other views.
 
     Parameters
     ----------
@@ -137,7 +137,7 @@ def left_out_heights(rig: Rig) -> Iterator[Array]:
         placed = [v.xyz for v in found.residuals.views if v.view == names[view]]
         if placed and found.light_planes:
             normal, offset = fitted_plane(placed[0])
-            yield np.abs(found.triangulate(line.uv[own]) @ normal - offset)
+            yield float(np.mean(found.triangulate(line.uv[own]) @ normal - offset))
 
 
 def fitted_plane(points: Array) -> tuple[Array, float]:
@@ -197,12 +197,11 @@ def report(pictures: Photographs, root: Path, console: Console) -> None:
     line = rig.observations.board.line
     if pictures.sheet is not None:
         console.print(compared_sheet(found, np.array(pictures.sheet), line.uv), highlight=False)
-    heights = list(left_out_heights(rig))
-    every = np.concatenate([np.zeros(0), *heights])
+    heights = np.abs(list(left_out_heights(rig)))
     console.print(
         f"{len(line.groups())} lines; heights above the board of {len(heights)}, each by a sheet "
-        f"without it: median {np.median(every):.3f} mm, 90 % within "
-        f"{np.quantile(every, 0.9):.3f} mm\n",
+        f"without it: median {np.median(heights):.3f} mm, 90 % within "
+        f"{np.quantile(heights, 0.9):.3f} mm\n",
         highlight=False,
     )
 

@@ -8,6 +8,7 @@ import cv2
 import numpy as np
 import pytest
 
+from sheetoflight.calibration.board_screening import screened_boards
 from sheetoflight.calibration.components import COMPONENTS, CORNER, LINE, SHAPE, STRIPE
 from sheetoflight.calibration.estimation_task import EstimationTask
 from sheetoflight.calibration.lines_on_boards import RAY, reduced_lines
@@ -219,6 +220,29 @@ def test_what_lies_beside_the_board_is_left_out() -> None:
     placed = lines_beyond(truth, board, placed_boards(truth, board, *poses, 400))
     views = photographed_boards(truth.camera, placed, rng, 0.1, 0.1)
     assert misses(calibrate(rig_of(truth, views)), truth) < 25.0
+
+
+@pytest.mark.parametrize(
+    ("on_board", "gap_mm", "beyond"), [(40, 20.0, 800), (20, 80.0, 800), (30, 200.0, 1500)]
+)
+def test_the_line_on_a_small_board_is_not_outvoted(
+    on_board: int, gap_mm: float, beyond: int
+) -> None:
+    """Twenty times as many points lie on what is behind it. Lines along the pattern may be left
+    out; of what lies behind, hardly a point is kept."""
+    rng = np.random.default_rng(10)
+    board = PlanarBoard("chessboard", 7, 5, (10.0, 10.0))
+    truth = board_rig(board, (-0.1, 0.05, 0.0, 0.0, 0.0))
+    poses = board_poses(truth, board, 12, rng)
+    placed = placed_boards(truth, board, *poses, on_board)
+    views = photographed_boards(
+        truth.camera, lines_beyond(truth, board, placed, gap_mm, beyond), rng, 0.1, 0.1
+    )
+    rig = rig_of(truth, views)
+    kept = np.bincount(screened_boards(rig).rig.observations.board.line.view, minlength=12)
+    assert (kept > 0.8 * on_board).sum() >= 10
+    assert (kept <= on_board).all()
+    assert misses(calibrate(rig), truth) < 25.0
 
 
 def test_a_wrong_view_and_wrong_points_are_named() -> None:

@@ -1,11 +1,11 @@
-"""Where on a line the board ends."""
+"""Where on a line the board ends, and which pieces lie in one sheet."""
 
 from __future__ import annotations
 
 import numpy as np
 import pytest
 
-from sheetoflight.calibration.line_consensus import grown
+from sheetoflight.calibration.line_consensus import FacePlanes, Piece, agreed_pieces, grown
 
 NOISE_PX = 0.2
 
@@ -61,3 +61,38 @@ def test_a_line_ends_where_it_bends() -> None:
     own = grown(line(bent), among(1000, 300, 500))
     assert own[:690].mean() > 0.98
     assert not own[720:].any()
+
+
+SHEET_NORMAL, SHEET_MM = np.array([0.8, 0.1, 0.6]) / np.sqrt(1.01), 300.0
+FOCAL_PX = 2000.0
+FACES = FacePlanes(
+    np.array([[0.1, 0.2, 1.0], [-0.2, 0.1, 1.0], [0.3, -0.3, 1.0], [0.0, 0.4, 1.0]]),
+    np.array([500.0, 600.0, 550.0, 650.0]),
+)
+
+
+def piece(face: int, weight: float, off_px: float = 0.0) -> Piece:
+    """The line in which the sheet meets a face, so far off in the image."""
+    rows = np.stack([SHEET_NORMAL, FACES.normal[face], [0.0, 1.0, 0.0]])
+    ends = np.linalg.solve(rows, np.array([[SHEET_MM, FACES.offset[face], y] for y in (-80, 80)]).T)
+    xy = (ends[:2] / ends[2]).T
+    along = xy[1] - xy[0]
+    across = np.array([-along[1], along[0]]) / np.linalg.norm(along)
+    return Piece(np.arange(20), xy + off_px / FOCAL_PX * across, weight)
+
+
+def chosen(*weights: float, off_px: float = 0.0) -> list[int | None]:
+    """What is chosen of pieces of these weights on the faces, the last of them off the sheet."""
+    last = len(weights) - 1
+    lines = [[piece(k, w, off_px if k == last else 0.0)] for k, w in enumerate(weights)]
+    return agreed_pieces(lines, FACES, FOCAL_PX, len(lines))
+
+
+def test_a_piece_without_a_say_may_lie_in_the_others_sheet() -> None:
+    assert chosen(20.0, 20.0, 20.0, 0.0) == [0, 0, 0, 0]
+    assert chosen(20.0, 20.0, 20.0, 0.0, off_px=20.0) == [0, 0, 0, None]
+
+
+def test_pieces_without_a_say_make_no_sheet() -> None:
+    assert chosen(0.0, 0.0, 0.0, 0.0) == [None] * 4
+    assert chosen(20.0, 20.0, 0.0, 0.0) == [None] * 4, "three of four must agree"

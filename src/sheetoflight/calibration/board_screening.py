@@ -1,8 +1,7 @@
 """What of the boards' views does not belong to the rest: points, views, and parts of lines.
 
 A board shows far more points than its pose needs, so each view can be judged by itself once a
-camera is there. Lines are judged in three steps: what lies off the board, what lies off the
-straight line that the rest forms, and whole lines that do not lie in the sheet of the others.
+camera is there; the lines come last (`line_screening`).
 """
 
 from __future__ import annotations
@@ -13,24 +12,17 @@ import numpy as np
 from scipy.special import chdtri
 
 from sheetoflight.calibration.board_closed_form import gives_homography
-from sheetoflight.calibration.board_planes import faces_in_space, on_faces, point_errors
+from sheetoflight.calibration.board_planes import point_errors
 from sheetoflight.calibration.board_start import boards_alone
-from sheetoflight.calibration.line_consensus import (
-    FacePlanes,
-    agreed_pieces,
-    cut_into_pieces,
-    grown,
-    whole_lines,
-)
-from sheetoflight.calibration.lines_on_boards import reduced_lines
+from sheetoflight.calibration.line_screening import screened_lines
 from sheetoflight.calibration.mirrored_views import mirrored_views
 from sheetoflight.calibration.rig_state import RigState
 from sheetoflight.calibration.wrong_points import FALSE_ALARM
 from sheetoflight.errors import UntrustworthyError
 from sheetoflight.estimation.block_least_squares import Solution
 from sheetoflight.geometry.directions import Array
-from sheetoflight.model.board import Board, PlanarBoard
-from sheetoflight.model.board_views import BoardViews, LinePixels
+from sheetoflight.model.board import PlanarBoard
+from sheetoflight.model.board_views import BoardViews
 from sheetoflight.model.rig import Rig
 
 _PER_NORMAL = 1.1774
@@ -42,18 +34,6 @@ not so much in one view alone."""
 
 _PRINTED = 0.2
 """Share of the views in which a point must be off before it is thought to be misprinted."""
-
-_PLENTY = 15
-"""Points of a line on the pattern that tell which way it goes on beside it."""
-
-_ON_EDGE = 0.1
-"""Distance from a line of the pattern, in pitches, within which a line runs along it."""
-
-_ENOUGH = 200
-"""Points that tell where a line runs, as well as more do."""
-
-_SHOWN = 5
-"""Names that are listed one by one."""
 
 _ALIKE = 0.02
 """Relative difference of standard uncertainties that is none."""
@@ -112,7 +92,8 @@ def screened_boards(rig: Rig) -> ScreenedBoards:
         solution = boards_alone(rig)
     rig, solution = _honestly_weighed(rig, solution)
     state = solution.state
-    lined, stray = _in_the_sheets(rig, state)
+    line, stray = screened_lines(rig, state)
+    lined = with_board_views(rig, replace(rig.observations.board, line=line))
     mirrored = mirrored_views(rig, lined)
     if mirrored:  # they have pulled at camera and sheet
         views = given.observations.board
@@ -200,128 +181,3 @@ def _named(views: BoardViews, mask: np.ndarray, lost: np.ndarray, sizes: Array) 
             points = "points" if len(numbers) > 1 else "point"
             words.append(f"{points} {which} of {where} ({size:.2g} px off)")
     return tuple(words)
-
-
-def _in_the_sheets(rig: Rig, state: RigState) -> tuple[Rig, tuple[str, ...]]:
-    """The rig with those parts of the lines that lie on the boards and in one sheet."""
-    views = rig.observations.board
-    line = views.line
-    if not len(line) or rig.board is None:
-        return rig, ()
-    rays, groups = state.camera.unproject(line.uv), line.groups()
-    points = _in_board_frames(rig.board, line, groups, state.poses["board"], rays)
-    printed = on_printed_part(rig, line, points)
-    focal = 0.5 * (state.camera.alpha + state.camera.beta)
-    kept = np.zeros(len(line), dtype=bool)
-    lost: list[str] = []
-    edges: list[str] = []
-    for laser in np.unique(line.laser):
-        lines = [own for own in groups if line.laser[own[0]] == laser]
-        images = [focal * rays[own, :2] for own in lines]
-        whole = whole_lines(images, [printed[own] for own in lines])
-        # on its pattern the board is sure to be, beside it only the others can tell
-        lines = [
-            own if straight is not None else _from_the_pattern(own, image, printed[own])
-            for own, image, straight in zip(lines, images, whole, strict=True)
-        ]
-        cuts = cut_into_pieces(
-            [rays[own, :2] for own in lines], focal, [printed[own] for own in lines], whole
-        )
-        pieces = [
-            [piece for piece in cut if not _is_printed_edge(rig.board, points[own[piece.points]])]
-            for own, cut in zip(lines, cuts, strict=True)
-        ]
-        faces = _faces_of(rig.board, line, lines, state.poses["board"])
-        chosen = agreed_pieces(pieces, FacePlanes(*faces), focal, len(views))
-        for own, cut, whole_cut, number in zip(lines, pieces, cuts, chosen, strict=True):
-            if number is None:
-                names = edges if whole_cut and not cut else lost
-                names.append(views.names[line.view[own[0]]])
-            else:
-                kept[own[cut[number].points]] = True
-    left = line.take(kept)
-    if len(left):
-        reduced_lines(left, state.camera, rays[kept])
-    return with_board_views(rig, replace(views, line=left)), _lost_lines(lost, edges, kept.any())
-
-
-def _is_printed_edge(board: Board, points: Array) -> bool:
-    """Whether points ``(K, 3)`` of a line, in the board's frame, run along a line of its pattern:
-    what a picture without laser light shows best. They agree on a sheet, for boards held alike."""
-    if not isinstance(board, PlanarBoard):
-        return False
-    some = points[:: max(len(points) // _ENOUGH, 1), :2]
-    places = np.sort(some / board.pitch_mm, axis=0)
-    low, middle, high = places[(len(places) * np.array([0.05, 0.5, 0.95])).astype(int)]
-    spread = high - low
-    aligned = (np.abs(middle - np.rint(middle)) < _ON_EDGE) & (spread < 2.0 * _ON_EDGE)
-    return bool((aligned & (spread[::-1] > 1.0)).any())
-
-
-def _from_the_pattern(own: np.ndarray, points: Array, printed: np.ndarray) -> np.ndarray:
-    """Those of a line's points that may lie on its board: all, or what goes on from its pattern."""
-    return own[grown(points, printed)] if printed.sum() >= _PLENTY else own
-
-
-def _lost_lines(lost: list[str], edges: list[str], others: bool | np.bool_) -> tuple[str, ...]:
-    """In words, the lines of views that are left out, and those along lines of the pattern."""
-    if not others:
-        every = [*lost, *edges]
-        reason = "in no common sheet: right if the laser was off"
-        return (f"what looks like a line in {_views(every)} of stage board ({reason})",) * bool(every)
-    beside = "not in the others' sheet"
-    along = (
-        "along the board's own rows or columns, whose edges pull at light and look like it – lay "
-        "the line askew to the squares"
-    )
-    return tuple(
-        f"the line{'s' * (len(names) > 1)} of {_views(names)} of stage board ({reason})"
-        for names, reason in ((lost, beside), (edges, along))
-        if names
-    )
-
-
-def _views(names: list[str]) -> str:
-    more = f" and {len(names) - _SHOWN} more" if len(names) > _SHOWN else ""
-    return f"view{'s' * (len(names) > 1)} {', '.join(names[:_SHOWN])}{more}"
-
-
-def _faces_of(
-    board: Board, line: LinePixels, groups: list[np.ndarray], poses: Array
-) -> tuple[Array, Array]:
-    """The planes of the faces on which lines lie; see `faces_in_space`."""
-    firsts = np.array([own[0] for own in groups], dtype=int)
-    return faces_in_space(board, poses, line.view[firsts], line.face[firsts])
-
-
-def _in_board_frames(
-    board: Board, line: LinePixels, groups: list[np.ndarray], poses: Array, rays: Array
-) -> Array:
-    """Where the rays ``(P, 3)`` of lines meet their faces, in the frames of the boards, mm."""
-    points = np.empty_like(rays)
-    for own, normal, offset in zip(groups, *_faces_of(board, line, groups, poses), strict=True):
-        pose = poses[line.view[own[0]]]
-        there = on_faces(rays[None, own], normal[None], np.array([offset]))[0]
-        points[own] = (there - pose[:, 3]) @ pose[:, :3]
-    return points
-
-
-def on_printed_part(rig: Rig, line: LinePixels, points: Array) -> np.ndarray:
-    """Mask ``(P,)`` of a line's points, given in their boards' frames, that lie within one pitch
-    of the pattern; of a solid body's faces, within the box about the face's points."""
-    assert rig.board is not None
-    if isinstance(rig.board, PlanarBoard):
-        low, high = rig.board.points.min(axis=0), rig.board.points.max(axis=0)
-        margin = np.array([*rig.board.pitch_mm, np.inf])
-        with np.errstate(invalid="ignore"):
-            return np.asarray(((points > low - margin) & (points < high + margin)).all(axis=1))
-    boxes = np.array(
-        [
-            (corners.min(axis=0), corners.max(axis=0))
-            for corners in (rig.board.points[list(face)] for face in rig.board.face_points)
-        ]
-    )
-    size = 1e-3 * float(np.ptp(rig.board.points, axis=0).max())
-    low, high = boxes[line.face, 0] - size, boxes[line.face, 1] + size
-    with np.errstate(invalid="ignore"):
-        return np.asarray(((points >= low) & (points <= high)).all(axis=1))

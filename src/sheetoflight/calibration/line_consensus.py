@@ -87,7 +87,7 @@ class Piece:
     ends : (2, 2) array
         Normalised coordinates of its ends.
     weight : float
-        How much it counts for a sheet.
+        How much it counts for a sheet; with 0 it has no say, and may yet lie in it.
     """
 
     points: np.ndarray
@@ -304,7 +304,7 @@ def agreed_pieces(
     owner = np.array([k for k, own in enumerate(pieces) for _ in own], dtype=int)
     every = [piece for own in pieces for piece in own]
     if len(set(owner.tolist())) < 2:
-        return [0 if own else None for own in pieces]
+        return [0 if own and own[0].weight else None for own in pieces]
     rays = np.concatenate([[p.ends for p in every], np.ones((len(every), 2, 1))], axis=2)
     normal, offset = faces.normal[owner], faces.offset[owner]
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -316,7 +316,10 @@ def agreed_pieces(
     errors = _errors(sheets, rays, normal, offset, focal)
     best = int(_scores(errors, owner, weight).argmin())
     chosen = _chosen(errors[best], owner, len(pieces))
-    agreed = sum(number is not None for number in chosen)
+    agreed = sum(
+        number is not None and own[number].weight > 0
+        for own, number in zip(pieces, chosen, strict=True)
+    )
     return chosen if agreed >= _least_agreed(len(pieces), views) else [None] * len(pieces)
 
 
@@ -328,7 +331,8 @@ def _least_agreed(lines: int, views: int) -> int:
 def _candidates(points: Array, owner: np.ndarray, weight: Array) -> Array:
     """Sheets ``(S, 4)``, as (n, d), through pairs of pieces of different lines."""
     order = np.argsort(-weight, kind="stable")
-    pairs = np.array(list(combinations(order.tolist(), 2)))
+    order = order[weight[order] > 0]
+    pairs = np.array(list(combinations(order.tolist(), 2)), dtype=int).reshape(-1, 2)
     pairs = pairs[owner[pairs[:, 0]] != owner[pairs[:, 1]]]
     if len(pairs) > _PAIRS:
         pairs = pairs[np.random.default_rng(0).permutation(len(pairs))[:_PAIRS]]

@@ -39,10 +39,9 @@ from sheetoflight.model.light_plane import LightPlane
 from sheetoflight.report.budget import budget_table, parameter_budgets
 from sheetoflight.report.noise import noise_rows
 from sheetoflight.report.numbers import parameter_unit, rounded
-from sheetoflight.workflow.boards import missed_boards
 from sheetoflight.workflow.calibrated import calibrate as calibrate_rig
 from sheetoflight.workflow.calibrated import with_camera
-from sheetoflight.workflow.rig_folder import POINTS, load_rig
+from sheetoflight.workflow.rig_folder import read_rig_folder
 
 _GENETIC = GeneticOptions()
 _PAPER = PaperOptions()
@@ -118,7 +117,8 @@ def calibrate(
     check = None if monte_carlo is None else MonteCarloOptions(monte_carlo, seed)
     refuse_to_overwrite(output, ())
     with on_all_cores() as run:
-        rig = load_rig(folder, run)
+        seen = read_rig_folder(folder, run)
+        rig = seen.rig
         if camera is not None:
             rig = with_camera(rig, camera)
         if check is None:
@@ -135,7 +135,7 @@ def calibrate(
             )
         else:
             calibration = calibrate_and_check(rig, method, options, check, run)
-        missed = () if (folder / POINTS).exists() else missed_boards(folder, rig, run)
+    missed = tuple(one.in_words for one in seen.missed)
     calibration = replace(calibration, warnings=(*missed, *calibration.warnings))
     calibration.save(output)
     for warning in calibration.warnings:

@@ -34,7 +34,7 @@ def detect(folder: Path, /, *, json: AsJson = False) -> None:
         if stage not in counts and "board" not in counts:
             warn(f"{folder} has no folder {stage}/ with pictures")
     for missed in detection.missed:
-        warn(f"{missed.stage}/{missed.view}: {missed.reason}")
+        warn(missed.in_words)
     for stage, count in counts.items():
         lost = sum(missed.stage == stage for missed in detection.missed)
         if stage in detection.kept:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 
@@ -16,9 +15,6 @@ from sheetoflight.io.pictures import PictureFile, read_picture
 from sheetoflight.io.quoting import file_name
 from sheetoflight.model.board import Board, PlanarBoard
 from sheetoflight.model.board_views import BoardViews, LinePixels
-from sheetoflight.model.rig import Rig
-from sheetoflight.workflow.spread import ALONE, Execution, spread
-from sheetoflight.workflow.stage_pictures import held_pictures
 
 
 @dataclass(frozen=True)
@@ -125,38 +121,3 @@ def board_views(
         np.stack([sighting.std for _, _, _, sighting in seen]),
         line,
     )
-
-
-@dataclass(frozen=True)
-class _SecondLook:
-    """Why a picture shows no board: importable, for other processes."""
-
-    board: PlanarBoard
-
-    def __call__(self, file: PictureFile) -> str:
-        return searched_board(file, self.board, with_line=False).reason
-
-
-def missed_boards(folder: str | Path, rig: Rig, run: Execution = ALONE) -> tuple[str, ...]:
-    """Pictures of a rig folder in which its board was not found: ``board/NAME: why``.
-
-    They are searched again for the reason, which a rig does not hold.
-
-    Parameters
-    ----------
-    folder : str or Path
-    rig : Rig
-        As it was read from the pictures of the folder.
-    run : Execution
-    """
-    folder, board = Path(folder), rig.board
-    if not isinstance(board, PlanarBoard):
-        return ()
-    pictures = {p.view: (f"board/{p.view}", p) for p in held_pictures(folder / "board", rig.lasers)}
-    if not len(rig.observations.camera):  # then what is in camera/ is of boards as well
-        without_line = held_pictures(folder / "camera", ())
-        pictures |= {f"camera/{p.view}": (f"camera/{p.view}", p) for p in without_line}
-    seen = set(rig.observations.board.names)
-    left = [(name, p.file) for view, (name, p) in pictures.items() if view not in seen]
-    reasons = spread(_SecondLook(board), [file for _, file in left], "look again", run)
-    return tuple(f"{name}: {reason}" for (name, _), reason in zip(left, reasons, strict=True))

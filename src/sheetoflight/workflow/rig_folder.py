@@ -50,16 +50,22 @@ class Missed:
     view: str
     reason: str
 
+    @property
+    def in_words(self) -> str:
+        """``STAGE/VIEW: why``."""
+        return f"{self.stage}/{self.view}: {self.reason}"
+
 
 @dataclass(frozen=True)
 class Detection:
-    """What the pictures of a rig folder show.
+    """What a rig folder shows.
 
     Parameters
     ----------
     rig : Rig
         With its observations.
     missed : tuple of Missed
+        Of the pictures that were searched.
     kept : tuple of str
         Stages that were taken from ``points.csv``, having no pictures.
     """
@@ -88,6 +94,19 @@ def load_rig(folder: str | Path, run: Execution = ALONE) -> Rig:
 
     Raises
     ------
+    FileError, InputError, UntrustworthyError
+        As for `read_rig_folder`.
+    """
+    return read_rig_folder(folder, run).rig
+
+
+def read_rig_folder(folder: str | Path, run: Execution = ALONE) -> Detection:
+    """Read a rig folder, and tell in which pictures nothing was found.
+
+    With ``points.csv`` no picture is searched.
+
+    Raises
+    ------
     FileError, InputError
         If the folder, a file or a picture cannot be used; the message names it.
     UntrustworthyError
@@ -96,11 +115,11 @@ def load_rig(folder: str | Path, run: Execution = ALONE) -> Rig:
     folder = Path(folder)
     described = _described(folder)
     if not (folder / POINTS).exists():
-        return _detected(folder, described, run).rig
+        return _detected(folder, described, run)
     observations = _given(folder, described)
     rig = described.rig(observations, picture_size=_first_picture_size(folder, described))
     check_views(rig)
-    return rig
+    return Detection(rig, ())
 
 
 def detect(folder: str | Path, run: Execution = ALONE) -> Detection:
