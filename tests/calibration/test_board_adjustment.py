@@ -245,6 +245,26 @@ def test_the_line_on_a_small_board_is_not_outvoted(
     assert misses(calibrate(rig), truth) < 25.0
 
 
+def test_boards_amid_the_picture_leave_its_corners_open_and_nothing_else() -> None:
+    """Chi-squared of five parameters is above 30 once in 65 000 times."""
+    rng = np.random.default_rng(10)
+    board = PlanarBoard("chessboard", 9, 7, (10.0, 10.0))
+    truth = board_rig(board, (-0.1, 0.05, 0.0, 0.0, 0.0))
+    turns, shifts = board_poses(truth, board, 14, rng)
+    middles = shifts + turns @ board.points.mean(axis=0)
+    amid = shifts + (0.3 * middles - middles) * (1.0, 1.0, 0.0)
+    placed = placed_boards(truth, board, turns, amid, 200)
+    views = photographed_boards(truth.camera, placed, rng, 0.1, 0.1)
+    found = calibrate(rig_of(truth, views, "brown"))
+    told = [warning for warning in found.warnings if "known to" in warning]
+    assert len(told) == 1
+    assert "in the corners of the picture, where no board was, the distortion k3" in told[0]
+    assert misses(found, truth) < 25.0
+    names = [f"camera.{part}" for part in ("alpha", "beta", "u0", "v0", "k1")]
+    shift = (found.camera.parameters - truth.camera.parameters)[[0, 1, 3, 4, 5]]
+    assert shift @ np.linalg.solve(found.covariance.block(tuple(names)), shift) < 30.0
+
+
 def test_a_wrong_view_and_wrong_points_are_named() -> None:
     truth, views = seen_boards(np.random.default_rng(11), 12, 0.1, 0.1)
     uv = views.uv.copy()

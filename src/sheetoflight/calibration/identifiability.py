@@ -23,7 +23,7 @@ from scipy.special import chdtri
 from sheetoflight.calibration.adjustment import Adjustment
 from sheetoflight.calibration.components import PIXEL
 from sheetoflight.calibration.fitting import Fit, fitted, settled
-from sheetoflight.calibration.next_view import size_of
+from sheetoflight.calibration.next_view import DISTORTION_POWERS, size_of
 from sheetoflight.calibration.remedies import advice, stage_of
 from sheetoflight.calibration.rig_state import ANCHOR, RigState
 from sheetoflight.errors import UntrustworthyError
@@ -58,6 +58,11 @@ _LIKE_NONE = 0.5
 _TAKES_PART = 0.1
 """Component of a unit vector above which a parameter has a part in what is undetermined."""
 
+_OUTSIDE = (
+    "in the corners of the picture, where no board was, ",
+    "measure only where the boards were, or ",
+)
+
 _IN_WORDS = {
     "alpha": "the focal length alpha",
     "beta": "the focal length beta",
@@ -83,12 +88,20 @@ class Weakness:
     in_words : str
     relative_std : float
         In units of the parameter's size, radians for angles.
+    seen_share : float
+        By how much less it matters where something was seen.
     """
 
     parameter: str
     stage: str
     in_words: str
     relative_std: float
+    seen_share: float = 1.0
+
+    @property
+    def where_seen(self) -> float:
+        """Relative standard uncertainty as far as it matters there."""
+        return self.relative_std * self.seen_share
 
 
 def determined(fit: Fit, stage: str) -> tuple[Fit, tuple[str, ...]]:
@@ -119,12 +132,19 @@ def determined(fit: Fit, stage: str) -> tuple[Fit, tuple[str, ...]]:
 
 
 def _warnings(fit: Fit, weaknesses: list[Weakness]) -> tuple[str, ...]:
+    weak = [(w, "", "") for w in weaknesses if w.where_seen > WEAK]
+    weak += [(w, *_OUTSIDE) for w in _in_the_corners(fit) if w.relative_std > WEAK]
     return tuple(
-        f"stage {stage_of(fit.rig, w.stage)}: {w.in_words} is known to {w.relative_std:.1%} only – "
-        f"{advice(fit, fit.information, w.stage, w.parameter)}"
-        for w in weaknesses
-        if w.relative_std > WEAK
+        f"stage {stage_of(fit.rig, w.stage)}: {where}{w.in_words} is known to {w.relative_std:.1%} "
+        f"only – {instead}{advice(fit, fit.information, w.stage, w.parameter)}"
+        for w, where, instead in weak
     )
+
+
+def _in_the_corners(fit: Fit) -> list[Weakness]:
+    """The coefficient of the lens that is known least where nothing was seen."""
+    outside = [weak for weak in _weaknesses(fit, fit.covariance) if weak.where_seen <= WEAK]
+    return sorted(outside, key=lambda weak: weak.relative_std)[-1:]
 
 
 def _require_little_spread(fit: Fit) -> list[Weakness]:
@@ -137,7 +157,7 @@ def _require_little_spread(fit: Fit) -> list[Weakness]:
         raise _refusal(fit, information, weakest, "do not determine {what}") from reason
     weaknesses = _weaknesses(fit, covariance)
     for weakness in weaknesses:
-        if not weakness.relative_std <= LINEAR_LIMIT:
+        if not weakness.where_seen <= LINEAR_LIMIT:
             _refuse_edge_on(fit, weakness)
             text = (
                 "leave {what} uncertain by "
@@ -149,6 +169,28 @@ def _require_little_spread(fit: Fit) -> list[Weakness]:
         text = f"hardly determine {{what}}: no convergence after {fit.solution.iterations} steps"
         raise _refusal(fit, information, max(worst, key=lambda w: w.relative_std), text)
     return worst
+
+
+def _seen_share(fit: Fit, parameter: str) -> float:
+    """By how much less a coefficient of the lens moves the outermost point that was seen of a board
+    than it moves the corners of the picture, as parts of their distances from the middle.
+
+    The image is linear in these coefficients, so that boards amid the picture leave nothing open
+    there; only the corners must not be measured in.
+    """
+    boards, (owner, part) = fit.adjustment.boards, parameter.split(".")
+    if (
+        fit.adjustment.stages
+        or boards is None
+        or owner != "camera"
+        or part not in DISTORTION_POWERS
+    ):
+        return 1.0
+    camera = fit.state.camera
+    focal, middle = (camera.alpha, camera.beta), (camera.u0, camera.v0)
+    seen = float(np.nanmax(np.linalg.norm((boards.views.uv - middle) / focal, axis=-1)))
+    corner = float(np.hypot(*(np.array(camera.image_size) / (2.0 * camera.alpha))))
+    return min(seen / corner, 1.0) ** DISTORTION_POWERS[part]
 
 
 def _refuse_edge_on(fit: Fit, weakness: Weakness) -> None:
@@ -234,7 +276,7 @@ def roughly_determined(fit: Fit) -> bool:
         weaknesses = _weaknesses(fit, fit.covariance)
     except np.linalg.LinAlgError:
         return False
-    return all(weak.relative_std <= LINEAR_LIMIT for weak in weaknesses)
+    return all(weakness.where_seen <= LINEAR_LIMIT for weakness in weaknesses)
 
 
 def _weaknesses(fit: Fit, covariance: Array) -> list[Weakness]:
@@ -252,16 +294,15 @@ def _weakness(fit: Fit, parameter: str, relative_std: float) -> Weakness:
     laser = "" if stage == "camera" else fit.rig.lasers[int(owner.removeprefix("sheet"))]
     default = f"the distortion {part}" if owner == "camera" else "the fixed point"
     words = _IN_WORDS.get(part, default).format(laser=laser)
-    return Weakness(parameter, stage, words, relative_std)
+    return Weakness(parameter, stage, words, relative_std, _seen_share(fit, parameter))
 
 
 def _worst_of_each_stage(weaknesses: list[Weakness]) -> list[Weakness]:
     worst: dict[str, Weakness] = {}
     for weakness in weaknesses:
-        if weakness.relative_std > worst.get(weakness.stage, weakness).relative_std or (
-            weakness.stage not in worst
-        ):
-            worst[weakness.stage] = weakness
+        worst[weakness.stage] = max(
+            worst.get(weakness.stage, weakness), weakness, key=lambda one: one.where_seen
+        )
     return list(worst.values())
 
 
@@ -282,7 +323,7 @@ def _null_direction(fit: Fit, information: Array) -> Weakness:
 def _lower_beside(fit: Fit, weaknesses: list[Weakness], stage: str) -> RigState | None:
     """Follow the valleys of what is known least, until one leads farther down."""
     for weakness in weaknesses:
-        if weakness.relative_std > _BEYOND_DOUBT:
+        if weakness.where_seen > _BEYOND_DOUBT:
             lower = _follow_valley(fit, weakness, stage)
             if lower is not None:
                 return lower

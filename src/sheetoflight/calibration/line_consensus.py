@@ -72,8 +72,8 @@ _ENOUGH = 200
 """Points that tell a line, roughly, as well as more do."""
 
 _ROUNDING_PX = 1e-4
-_PREFERENCE = 2.0
-"""How much more a point on the printed part of a board counts than one beside it."""
+_BESIDE = 0.1
+"""How much a point beside the printed part of a board counts: there may be no board."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -157,8 +157,9 @@ def whole_lines(lines: list[Array], printed: list[np.ndarray]) -> list[np.ndarra
 
 
 def _piece(points: np.ndarray, xy: Array, preferred: np.ndarray) -> Piece:
-    weight = len(points) + (_PREFERENCE - 1.0) * preferred[points].sum()
-    return Piece(points, _ends(xy[points]), min(float(weight), _PREFERENCE * _ENOUGH))
+    sure = int(preferred[points].sum())
+    weight = min(sure + _BESIDE * (len(points) - sure), _ENOUGH)
+    return Piece(points, _ends(xy[points]), float(weight))
 
 
 def _straight_pieces(xy: Array, focal: float, preferred: np.ndarray, rng_seed: int) -> list[Piece]:

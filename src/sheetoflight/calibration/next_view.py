@@ -185,6 +185,11 @@ def vague_information(state: RigState, parameters: Sequence[str]) -> Array:
     return np.array([1.0 / (_VAGUE * size_of(state, name)) ** 2 for name in parameters])
 
 
+DISTORTION_POWERS = {"k1": 2, "k2": 4, "p1": 1, "p2": 1, "k3": 6}
+"""Power of the distance from the principal point with which a coefficient of the lens moves a
+point, as a part of that distance."""
+
+
 def size_of(state: RigState, parameter: str) -> float:
     """The size against which a parameter's uncertainty is large or small."""
     owner, part = parameter.split(".")
@@ -205,7 +210,7 @@ def _distortion_size(state: RigState, part: str) -> float:
     camera = state.camera
     corner = np.array(camera.image_size) / (2.0 * camera.alpha)
     radius = float(np.hypot(*corner))
-    return radius ** -{"k1": 2, "k2": 4, "k3": 6}.get(part, 1)
+    return radius ** -DISTORTION_POWERS.get(part, 1)
 
 
 def all_candidates(

@@ -43,11 +43,12 @@ def why_not_found(values: Picture, board: PlanarBoard) -> str:
             "board runs out of it – bring the whole board into view, or use a charuco board, of "
             "which a part is enough"
         )
-    return (
-        f"found a board of {found} corners at {where(grid)}, [board] says {asked} – correct "
-        "columns and rows (inner corners, not squares), or uncover the board: glare, the laser "
-        "line or a hand may hide the rest"
-    )
+    correct = "correct columns and rows (inner corners, not squares)"
+    uncover = "uncover the board: glare, the laser line or a hand may hide the rest"
+    least, most = sorted((board.columns, board.rows))
+    part = min(rows, columns) <= least and max(rows, columns) <= most
+    remedy = f"{uncover}; or {correct}" if part else f"{correct}, or {uncover}"
+    return f"found a board of {found} corners at {where(grid)}, [board] says {asked} – {remedy}"
 
 
 def _hint(values: Picture) -> str:
