@@ -95,4 +95,17 @@ def test_a_piece_without_a_say_may_lie_in_the_others_sheet() -> None:
 
 def test_pieces_without_a_say_make_no_sheet() -> None:
     assert chosen(0.0, 0.0, 0.0, 0.0) == [None] * 4
-    assert chosen(20.0, 20.0, 0.0, 0.0) == [None] * 4, "three of four must agree"
+    assert chosen(20.0, 20.0, 0.0, 0.0) == [None] * 4, "any two agree"
+
+
+def test_light_goes_before_a_piece_without_a_say() -> None:
+    """Though an edge beside it lies nearer to the sheet, and though it is the only line."""
+    lines = [[piece(k, 0.0), piece(k, 20.0, off_px=0.3 * (k == 2))] for k in range(4)]
+    assert agreed_pieces(lines, FACES, FOCAL_PX, 4) == [1, 1, 1, 1]
+    assert agreed_pieces([*lines[:1], [], [], []], FACES, FOCAL_PX, 4) == [1, None, None, None]
+
+
+@pytest.mark.parametrize("views", [4, 40])
+def test_views_without_a_line_do_not_outvote_lines_that_all_agree(views: int) -> None:
+    lines = [[piece(k, 20.0)] for k in range(4)]
+    assert agreed_pieces(lines, FACES, FOCAL_PX, views) == [0, 0, 0, 0]

@@ -173,6 +173,12 @@ def test_unknown_methods_and_wrong_targets_are_refused() -> None:
         calibrate(replace(rig, target=CollinearTarget((0.0, 1.0, 2.0, 3.0))))
 
 
+@pytest.mark.parametrize("lasers", [(), ("laser",)])
+def test_a_rig_without_views_is_refused(lasers: tuple[str, ...]) -> None:
+    with pytest.raises(UntrustworthyError, match="no views at all"):
+        calibrate(Rig(CollinearTarget(), (1392, 1040), lasers=lasers))
+
+
 def test_a_view_with_one_marker_is_named() -> None:
     _, rig = simulated()
     uv = rig.observations.camera.uv.copy()

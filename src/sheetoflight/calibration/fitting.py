@@ -53,6 +53,7 @@ _IS_OFFSET = np.isin(np.arange(len(COMPONENTS)), _OFFSETS)
 _NOTHING = np.zeros((len(COMPONENTS), len(COMPONENTS)))
 
 _RESELECTIONS = 5
+_REDUCTIONS = 8
 _NOISE_ROUNDS = 8
 _SETTLED = 0.01
 """Relative change of a standard deviation below which the weights are not renewed: the estimates
@@ -162,8 +163,8 @@ def fitted(
     stage : str
         What to blame in errors.
     solution : Solution, optional
-        Of the estimates for independent image points, where it is known; or, with no iterations,
-        a state so near to it that the residuals there tell the noise.
+        Of the estimates for independent image points, where it is known; or awaited, from a state
+        so near to it that the residuals there tell the noise.
 
     Raises
     ------
@@ -174,15 +175,16 @@ def fitted(
     acting = _acting(adjustment)
     sizes = noise.free & acting & (adjustment.degrees_of_freedom > 0)
     one = (acting & (sizes | (noise.variances > 0))).sum() == 1
-    waits = solution is not None and not solution.iterations and sizes.any() and not one
-    if solution is None or adjustment.whiteners or not (solution.iterations or waits):
+    if solution is not None and not solution.found and (one or not sizes.any()):
+        solution = None  # there is nothing to wait for
+    if solution is None or (solution.found and adjustment.whiteners):
         solution = settled(adjustment, state, stage)
     fit = Fit(rig, adjustment, solution, noise, _NOTHING)
-    if not sizes.any():
-        return fit
-    if one:
-        return _with_one_component(fit, int(np.argmax(sizes)))
-    return _with_components(fit, sizes, stage)
+    if one and sizes.any():
+        fit = _with_one_component(fit, int(np.argmax(sizes)))
+    elif sizes.any():
+        fit = _with_components(fit, sizes, stage)
+    return _finished(fit, stage)
 
 
 def _acting(adjustment: Adjustment) -> np.ndarray:
@@ -225,7 +227,7 @@ def _with_components(fit: Fit, free: np.ndarray, stage: str) -> Fit:
         if not noise.placed_off and free.sum() == 1 and adjustment.boards is None:
             return _with_one_component(fit, int(np.argmax(free)))
         if not free.any():
-            return _adjusted(fit, stage)
+            return fit
     start = _first_offsets(fit, first.sizes, free)
     if free[SHAPE] and not curved:
         straight, wound = _of_winding_lines(fit, start, free)
@@ -241,22 +243,27 @@ def _with_components(fit: Fit, free: np.ndarray, stage: str) -> Fit:
         spread = found.covariance
         alike = _alike(found.sizes[acting], variances[acting])
         variances = start = found.sizes
-        if alike and solution.iterations:
+        if alike and solution.found:
             final = Fit(rig, adjustment, solution, noise.with_variances(variances), spread)
             vars(final)["contrasts"] = groups  # at this state: they need not be made again
-            return _at_its_lines(final, stage)
+            return final
         adjustment = _weighed(fit, variances, solution.state)
         solution = settled(adjustment, solution.state, stage)
         groups = noise.contrasts(adjustment, solution.state, {})
-    last = Fit(rig, adjustment, solution, noise.with_variances(variances), spread)
-    return _adjusted(last, stage)
+    return Fit(rig, adjustment, solution, noise.with_variances(variances), spread)
 
 
-def _adjusted(fit: Fit, stage: str) -> Fit:
-    """The fit at its minimum, where it is but beside it."""
-    if fit.solution.iterations:
-        return fit
-    return replace(fit, solution=settled(fit.adjustment, fit.state, stage))
+def _finished(fit: Fit, stage: str) -> Fit:
+    """The fit at its minimum, of lines that were reduced near enough to it."""
+    if not fit.solution.found:
+        fit = replace(fit, solution=settled(fit.adjustment, fit.state, stage))
+    for _ in range(_REDUCTIONS):
+        if fit.adjustment.holds_at(fit.state):
+            break
+        adjustment = _weighed(fit, fit.noise.variances, fit.state)
+        solution = settled(adjustment, fit.state, stage)
+        fit = replace(fit, adjustment=adjustment, solution=solution)
+    return fit
 
 
 def _weighed(fit: Fit, variances: Array, state: RigState) -> Adjustment:
@@ -265,14 +272,6 @@ def _weighed(fit: Fit, variances: Array, state: RigState) -> Adjustment:
     return fit.noise.with_variances(variances).adjustment(
         fit.rig, old.stages, old.parameters, state
     )
-
-
-def _at_its_lines(fit: Fit, stage: str) -> Fit:
-    """The fit of lines that were reduced near enough to where it ends."""
-    if fit.adjustment.holds_at(fit.state):
-        return fit
-    adjustment = _weighed(fit, fit.noise.variances, fit.state)
-    return replace(fit, adjustment=adjustment, solution=settled(adjustment, fit.state, stage))
 
 
 def _sizes(

@@ -27,7 +27,11 @@ from sheetoflight.calibration.next_view import DISTORTION_POWERS, size_of
 from sheetoflight.calibration.remedies import advice, stage_of
 from sheetoflight.calibration.rig_state import ANCHOR, RigState
 from sheetoflight.errors import UntrustworthyError
-from sheetoflight.estimation.block_least_squares import Solution, SolverOptions
+from sheetoflight.estimation.block_least_squares import (
+    Solution,
+    SolverOptions,
+    scaled_inverse,
+)
 from sheetoflight.geometry.directions import Array
 
 LINEAR_LIMIT = 0.1
@@ -163,7 +167,7 @@ def _require_little_spread(fit: Fit) -> list[Weakness]:
                 "leave {what} uncertain by "
                 f"{weakness.relative_std:.0%} (limit {LINEAR_LIMIT:.0%})"
             )
-            raise _refusal(fit, information, weakness, text, _cause(weakness, weaknesses))
+            raise _refusal(fit, information, weakness, text, _cause(fit, weakness, weaknesses))
     worst = _worst_of_each_stage(weaknesses)
     if not fit.solution.converged:
         text = f"hardly determine {{what}}: no convergence after {fit.solution.iterations} steps"
@@ -386,10 +390,18 @@ def _moved(fit: Fit, step: Array) -> RigState | None:
     return fit.state.moved(shared, local)
 
 
-def _cause(weakness: Weakness, others: list[Weakness]) -> Weakness:
-    """What to mend: where the camera is weak the sheet is too, but not the other way round."""
-    camera = [other for other in others if other.stage == "camera" and other.relative_std > WEAK]
-    return max((weakness, *camera), key=lambda one: (one.stage == "camera", one.relative_std))
+def _cause(fit: Fit, weakness: Weakness, others: list[Weakness]) -> Weakness:
+    """What to mend: the camera, where the sheet would be known well enough if it were held."""
+    names = fit.adjustment.parameters
+    camera = [other for other in others if other.stage == "camera"]
+    if weakness.stage == "camera" or not camera:
+        return weakness
+    rest = [i for i, name in enumerate(names) if not name.startswith("camera.")]
+    held = np.diag(scaled_inverse(fit.information[np.ix_(rest, rest)])[0])
+    own = np.sqrt(held[rest.index(names.index(weakness.parameter))])
+    if own > LINEAR_LIMIT * size_of(fit.state, weakness.parameter):
+        return weakness
+    return max(camera, key=lambda one: one.where_seen)
 
 
 def _refusal(

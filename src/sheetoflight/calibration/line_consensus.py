@@ -41,7 +41,12 @@ _AGREED_SHARE = 0.3
 """Share of the lines that must agree on one sheet: edges and scratches agree by chance."""
 
 _LINED_SHARE = 0.15
-"""The same of all views: where hardly a picture shows a line, the laser was off."""
+"""The same of all views: where hardly a picture shows a line, the laser was off in all, or was on
+in these few."""
+
+_MOST_LINES = 0.8
+_UNLIKELY = 4
+"""Share of the few lines, and their number, that do not agree by chance."""
 
 _EDGE_ON = 0.01
 """Distance of a sheet from the camera, as a part of the boards', that is as good as none."""
@@ -305,7 +310,7 @@ def agreed_pieces(
     owner = np.array([k for k, own in enumerate(pieces) for _ in own], dtype=int)
     every = [piece for own in pieces for piece in own]
     if len(set(owner.tolist())) < 2:
-        return [0 if own and own[0].weight else None for own in pieces]
+        return [next((k for k, piece in enumerate(own) if piece.weight), None) for own in pieces]
     rays = np.concatenate([[p.ends for p in every], np.ones((len(every), 2, 1))], axis=2)
     normal, offset = faces.normal[owner], faces.offset[owner]
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -316,17 +321,22 @@ def agreed_pieces(
         return [None] * len(pieces)
     errors = _errors(sheets, rays, normal, offset, focal)
     best = int(_scores(errors, owner, weight).argmin())
-    chosen = _chosen(errors[best], owner, len(pieces))
+    chosen = _chosen(errors[best], weight, owner, len(pieces))
+    saying = sum(any(piece.weight for piece in own) for own in pieces)
     agreed = sum(
         number is not None and own[number].weight > 0
         for own, number in zip(pieces, chosen, strict=True)
     )
-    return chosen if agreed >= _least_agreed(len(pieces), views) else [None] * len(pieces)
+    return chosen if _enough(agreed, saying, views) else [None] * len(pieces)
 
 
-def _least_agreed(lines: int, views: int) -> int:
-    """How many of so many lines must agree on a sheet: any two do."""
-    return 2 if views == 2 else max(3, round(_AGREED_SHARE * lines), round(_LINED_SHARE * views))
+def _enough(agreed: int, lines: int, views: int) -> bool:
+    """Whether so many of these lines, in so many views, tell a sheet: any two agree."""
+    if views <= 2:
+        return agreed >= 2
+    if agreed < max(3, round(_AGREED_SHARE * lines)):
+        return False
+    return agreed >= _LINED_SHARE * views or agreed >= max(_UNLIKELY, _MOST_LINES * lines)
 
 
 def _candidates(points: Array, owner: np.ndarray, weight: Array) -> Array:
@@ -365,12 +375,14 @@ def _scores(errors: Array, owner: np.ndarray, weight: Array) -> Array:
     return total
 
 
-def _chosen(errors: Array, owner: np.ndarray, lines: int) -> list[int | None]:
-    """Each line's piece nearest to the sheet, if it is near."""
+def _chosen(errors: Array, weight: Array, owner: np.ndarray, lines: int) -> list[int | None]:
+    """Each line's piece nearest to the sheet, if it is near; one with a say, if there is one."""
     best: list[int | None] = [None] * lines
     least = np.full(lines, np.inf)
     for line in range(lines):
-        own = errors[owner == line]
+        own, silent = errors[owner == line], weight[owner == line] == 0
+        if (own[~silent] <= _AGREED_PX).any():
+            own = np.where(silent, np.inf, own)
         if len(own):
             best[line], least[line] = int(own.argmin()), float(own.min())
     near = least[least <= _AGREED_PX]

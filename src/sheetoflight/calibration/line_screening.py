@@ -173,27 +173,26 @@ def _is_printed_edge(board: Board, points: Array) -> bool:
 
 def _in_words(lost: list[str], edges: list[str], others: bool) -> tuple[str, ...]:
     """In words, the lines of views that are left out, and those along lines of the pattern."""
-    if not lost and not edges:
-        return ()
-    if not others:
-        every = _views([*lost, *edges])
-        reason = "in no common sheet: right if the laser was off"
-        return (f"what looks like a line in {every} of stage board ({reason})",)
-    beside = "not in the others' sheet"
-    along = (
-        "along the board's own rows or columns, whose edges pull at light and look like it – lay "
-        "the line askew to the squares"
-    )
+    along = "along the board's own rows or columns"
+    if others:
+        told = "the line{s} of {views} of stage board ({reason})"
+        beside = "not in the others' sheet"
+        along += ", whose edges pull at light and look like it – lay the line askew to the squares"
+    else:
+        told = "what looks like a line in {views} of stage board ({reason})"
+        beside = "in no common sheet: right if the laser was off"
+        along += ": right if the laser was off, else lay the line askew to the squares"
     return tuple(
-        f"the line{'s' * (len(names) > 1)} of {_views(names)} of stage board ({reason})"
+        told.format(s="s" * (len(set(names)) > 1), views=_views(names), reason=reason)
         for names, reason in ((lost, beside), (edges, along))
         if names
     )
 
 
 def _views(names: list[str]) -> str:
-    more = f" and {len(names) - _SHOWN} more" if len(names) > _SHOWN else ""
-    return f"view{'s' * (len(names) > 1)} {', '.join(names[:_SHOWN])}{more}"
+    each = sorted(set(names))
+    more = f" and {len(each) - _SHOWN} more" if len(each) > _SHOWN else ""
+    return f"view{'s' * (len(each) > 1)} {', '.join(each[:_SHOWN])}{more}"
 
 
 def _faces_of(

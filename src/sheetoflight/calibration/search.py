@@ -102,7 +102,7 @@ def _from_boards(task: EstimationTask, complete: Completion) -> Solution[RigStat
     assert task.start is not None
     state = complete(task.rig, None, task.start)
     if len(task.rig.observations.board.line):
-        return Solution(state, np.inf, 0, converged=False)
+        return Solution.awaited(state)
     return settled(_adjustment(task, task.free, state), state, task.blamed)
 
 

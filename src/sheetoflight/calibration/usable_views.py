@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from sheetoflight.errors import InputError
+from sheetoflight.errors import InputError, UntrustworthyError
 from sheetoflight.geometry.directions import Array
 from sheetoflight.geometry.lines import fitted_line
 from sheetoflight.model.rig import Rig
@@ -24,7 +24,15 @@ def refuse_unusable_views(rig: Rig) -> None:
     ------
     InputError
         Naming the stage and the view.
+    UntrustworthyError
+        If there is no view at all.
     """
+    if not rig.observations.stages() and not len(rig.observations.board):
+        raise UntrustworthyError(
+            "camera",
+            "there are no views at all",
+            "take pictures of the target or of a board, and calibrate from these",
+        )
     markers = len(rig.target.markers_mm)
     for stage, views in rig.observations.stages().items():
         expected = markers + (len(rig.lasers) if stage == "crossing" else 0)

@@ -114,6 +114,16 @@ class Solution(Generic[State]):
     iterations: int
     converged: bool
 
+    @classmethod
+    def awaited(cls, state: State) -> Solution[State]:
+        """That of a problem which is yet to be solved, from a state beside it."""
+        return cls(state, np.inf, 0, converged=False)
+
+    @property
+    def found(self) -> bool:
+        """Whether it was solved for."""
+        return self.iterations > 0
+
 
 @dataclass(frozen=True)
 class _Elimination:
