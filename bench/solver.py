@@ -23,7 +23,8 @@ from rich.table import Table
 from scipy.optimize import OptimizeResult, least_squares
 
 from sheetoflight.calibration.camera_alone import camera_alone
-from sheetoflight.calibration.fitting import fitted, settled
+from sheetoflight.calibration.fit import settled
+from sheetoflight.calibration.fitting import fitted
 from sheetoflight.calibration.methods import calibrate
 from sheetoflight.calibration.noise import noise_model
 from sheetoflight.calibration.rig_state import ANCHOR, RigState, intrinsic_names, sheet_names

@@ -11,7 +11,7 @@ from scipy.stats import chi2, kstest
 from sheetoflight.calibration.adjustment import Adjustment
 from sheetoflight.calibration.board_screening import screened_boards
 from sheetoflight.calibration.curved_sheets import _odds_of_flat, _unbent
-from sheetoflight.calibration.fitting import Fit
+from sheetoflight.calibration.fit import Fit
 from sheetoflight.calibration.methods import CalibrationOptions, calibrate
 from sheetoflight.calibration.rig_state import bend_names
 from sheetoflight.calibration.screening import screened

@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from sheetoflight.calibration.line_consensus import FacePlanes, Piece, agreed_pieces, grown
+from sheetoflight.calibration.line_consensus import FacePlanes, agreed_pieces
+from sheetoflight.calibration.straight_pieces import Piece, grown
 
 NOISE_PX = 0.2
 

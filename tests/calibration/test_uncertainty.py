@@ -10,7 +10,7 @@ from scipy.stats import norm
 from scipy.stats import t as student
 
 from sheetoflight.calibration.adjustment import Adjustment
-from sheetoflight.calibration.fitting import Fit
+from sheetoflight.calibration.fit import Fit
 from sheetoflight.calibration.methods import METHODS, CalibrationOptions, calibrate
 from sheetoflight.calibration.noise import NoiseModel, noise_model
 from sheetoflight.calibration.outcome import Outcome

@@ -15,7 +15,7 @@ import numpy as np
 from sheetoflight.calibration.board_closed_form import homographies, pose_from_homography
 from sheetoflight.calibration.camera_closed_form import closed_form_cameras, normalisation
 from sheetoflight.calibration.estimation_task import EstimationTask
-from sheetoflight.calibration.fitting import settled
+from sheetoflight.calibration.fit import settled
 from sheetoflight.calibration.noise import noise_model
 from sheetoflight.calibration.rig_state import RigState
 from sheetoflight.calibration.solid_closed_form import dlt_camera

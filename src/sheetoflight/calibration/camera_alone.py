@@ -6,7 +6,7 @@ from dataclasses import replace
 
 from sheetoflight.calibration.components import PIXEL
 from sheetoflight.calibration.estimation_task import EstimationTask
-from sheetoflight.calibration.fitting import Fit
+from sheetoflight.calibration.fit import Fit
 from sheetoflight.calibration.identifiability import determined
 from sheetoflight.calibration.noise import NoiseModel
 from sheetoflight.calibration.rig_state import ANCHOR, RigState

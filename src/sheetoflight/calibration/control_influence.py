@@ -25,7 +25,7 @@ from sheetoflight.calibration.control_motions import (
     by_poses,
     plane_slopes,
 )
-from sheetoflight.calibration.fitting import Fit
+from sheetoflight.calibration.fit import Fit
 from sheetoflight.calibration.printed_points import print_errors
 from sheetoflight.calibration.rig_state import RigState, sheet_names
 from sheetoflight.calibration.uncertainty import NOISE_SOURCES, Influence

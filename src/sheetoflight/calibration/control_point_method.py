@@ -10,14 +10,16 @@ from sheetoflight.calibration.camera_alone import camera_alone
 from sheetoflight.calibration.components import CORNER
 from sheetoflight.calibration.control_forms import FORMS, ControlForm
 from sheetoflight.calibration.control_influence import sheet_errors
-from sheetoflight.calibration.fitting import Fit, fitted
-from sheetoflight.calibration.identifiability import LINEAR_LIMIT, edge_on, roughly_determined
+from sheetoflight.calibration.fit import Fit
+from sheetoflight.calibration.fitting import fitted
+from sheetoflight.calibration.identifiability import edge_on, roughly_determined
 from sheetoflight.calibration.noise import NoiseModel
 from sheetoflight.calibration.outcome import Outcome
 from sheetoflight.calibration.rig_state import CAMERA, RigState, intrinsic_names
 from sheetoflight.calibration.screening import Screened
 from sheetoflight.calibration.starts import with_planes
 from sheetoflight.calibration.uncertainty import Influence, chained, influence
+from sheetoflight.calibration.weaknesses import LINEAR_LIMIT
 from sheetoflight.errors import UntrustworthyError
 from sheetoflight.geometry.directions import Array
 from sheetoflight.model.board_views import BoardViews, LinePixels

@@ -17,7 +17,8 @@ from scipy.special import fdtrc
 from sheetoflight.calibration.board_evidence import BoardEvidence
 from sheetoflight.calibration.board_planes import ends_on_boards, faces_in_space, on_faces
 from sheetoflight.calibration.components import COMPONENTS, LINE, SHAPE
-from sheetoflight.calibration.fitting import Fit, fitted
+from sheetoflight.calibration.fit import Fit
+from sheetoflight.calibration.fitting import fitted
 from sheetoflight.calibration.noise import NoiseModel
 from sheetoflight.calibration.printed_points import print_errors
 from sheetoflight.calibration.rig_state import RigState, SheetBends, bend_names

@@ -16,7 +16,8 @@ from scipy.special import fdtrc
 
 from sheetoflight.calibration.components import MARKER, PIXEL, PLACEMENT
 from sheetoflight.calibration.faults import Hypothesis, hypotheses
-from sheetoflight.calibration.fitting import Fit, fitted
+from sheetoflight.calibration.fit import Fit
+from sheetoflight.calibration.fitting import fitted
 from sheetoflight.calibration.line_scatter import (
     Scatter,
     bent_anyhow,

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from sheetoflight.calibration.fitting import Fit
+from sheetoflight.calibration.fit import Fit
 from sheetoflight.calibration.score_tests import ScoredFit
 from sheetoflight.geometry.directions import Array, normalised
 from sheetoflight.model.camera import Camera

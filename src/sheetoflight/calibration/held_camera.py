@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from sheetoflight.calibration.components import CORNER
-from sheetoflight.calibration.fitting import Fit
+from sheetoflight.calibration.fit import Fit
 from sheetoflight.calibration.uncertainty import Influence, chained
 from sheetoflight.errors import UntrustworthyError
 from sheetoflight.geometry.directions import Array

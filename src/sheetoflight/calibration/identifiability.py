@@ -15,17 +15,25 @@ All evidence is judged together, at the solution, by the information matrix and 
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 from scipy.special import chdtri
 
 from sheetoflight.calibration.adjustment import Adjustment
 from sheetoflight.calibration.components import PIXEL
-from sheetoflight.calibration.fitting import Fit, fitted, settled
-from sheetoflight.calibration.next_view import DISTORTION_POWERS, size_of
+from sheetoflight.calibration.fit import Fit, settled
+from sheetoflight.calibration.fitting import fitted
+from sheetoflight.calibration.next_view import size_of
 from sheetoflight.calibration.remedies import advice, stage_of
-from sheetoflight.calibration.rig_state import ANCHOR, RigState
+from sheetoflight.calibration.rig_state import RigState
+from sheetoflight.calibration.weaknesses import (
+    LINEAR_LIMIT,
+    WEAK,
+    Weakness,
+    in_the_corners,
+    null_direction,
+    weaknesses_of,
+    worst_of_each_stage,
+)
 from sheetoflight.errors import UntrustworthyError
 from sheetoflight.estimation.block_least_squares import (
     Solution,
@@ -34,20 +42,14 @@ from sheetoflight.estimation.block_least_squares import (
 )
 from sheetoflight.geometry.directions import Array
 
-LINEAR_LIMIT = 0.1
-"""Greatest relative standard uncertainty (radians for angles) at which a covariance still
-describes the result."""
-
-WEAK = 0.03
-"""Relative standard uncertainty above which a result is called weak: second order is still only
-a thousandth, but a view or two may decide over it."""
-
 _BEYOND_DOUBT = 0.002
 """Relative standard uncertainty below which no valley is followed: in degenerate sets the
 information comes from the noise itself, and gives some hundredths whatever the noise."""
 
 _FOLLOWED = 5.0
+
 _CHANCE = 5e-3
+
 _BETTER = 0.1
 """Fall of chi-squared beside a minimum that shows it is not the least."""
 
@@ -59,53 +61,10 @@ _NEARLY = SolverOptions(tolerance=1e-6, iterations=80)
 _LIKE_NONE = 0.5
 """Relative standard uncertainty of a distance that cannot be told from 0."""
 
-_TAKES_PART = 0.1
-"""Component of a unit vector above which a parameter has a part in what is undetermined."""
-
 _OUTSIDE = (
     "in the corners of the picture, where no board was, ",
     "measure only where the boards were, or ",
 )
-
-_IN_WORDS = {
-    "alpha": "the focal length alpha",
-    "beta": "the focal length beta",
-    "gamma": "the skew gamma",
-    "u0": "the principal point u0",
-    "v0": "the principal point v0",
-    "tilt1": "the direction of the sheet {laser}",
-    "tilt2": "the direction of the sheet {laser}",
-    "d": "the distance of the sheet {laser}",
-}
-
-
-@dataclass(frozen=True)
-class Weakness:
-    """What is known least.
-
-    Parameters
-    ----------
-    parameter : str
-        A shared parameter.
-    stage : {"camera", "plane"}
-        Where it should have come from.
-    in_words : str
-    relative_std : float
-        In units of the parameter's size, radians for angles.
-    seen_share : float
-        By how much less it matters where something was seen.
-    """
-
-    parameter: str
-    stage: str
-    in_words: str
-    relative_std: float
-    seen_share: float = 1.0
-
-    @property
-    def where_seen(self) -> float:
-        """Relative standard uncertainty as far as it matters there."""
-        return self.relative_std * self.seen_share
 
 
 def determined(fit: Fit, stage: str) -> tuple[Fit, tuple[str, ...]]:
@@ -137,18 +96,12 @@ def determined(fit: Fit, stage: str) -> tuple[Fit, tuple[str, ...]]:
 
 def _warnings(fit: Fit, weaknesses: list[Weakness]) -> tuple[str, ...]:
     weak = [(w, "", "") for w in weaknesses if w.where_seen > WEAK]
-    weak += [(w, *_OUTSIDE) for w in _in_the_corners(fit) if w.relative_std > WEAK]
+    weak += [(w, *_OUTSIDE) for w in in_the_corners(fit) if w.relative_std > WEAK]
     return tuple(
         f"stage {stage_of(fit.rig, w.stage)}: {where}{w.in_words} is known to {w.relative_std:.1%} "
         f"only – {instead}{advice(fit, fit.information, w.stage, w.parameter)}"
         for w, where, instead in weak
     )
-
-
-def _in_the_corners(fit: Fit) -> list[Weakness]:
-    """The coefficient of the lens that is known least where nothing was seen."""
-    outside = [weak for weak in _weaknesses(fit, fit.covariance) if weak.where_seen <= WEAK]
-    return sorted(outside, key=lambda weak: weak.relative_std)[-1:]
 
 
 def _require_little_spread(fit: Fit) -> list[Weakness]:
@@ -157,9 +110,9 @@ def _require_little_spread(fit: Fit) -> list[Weakness]:
     try:
         covariance = fit.covariance
     except np.linalg.LinAlgError as reason:
-        weakest = _null_direction(fit, information)
+        weakest = null_direction(fit, information)
         raise _refusal(fit, information, weakest, "do not determine {what}") from reason
-    weaknesses = _weaknesses(fit, covariance)
+    weaknesses = weaknesses_of(fit, covariance)
     for weakness in weaknesses:
         if not weakness.where_seen <= LINEAR_LIMIT:
             _refuse_edge_on(fit, weakness)
@@ -168,33 +121,11 @@ def _require_little_spread(fit: Fit) -> list[Weakness]:
                 f"{weakness.relative_std:.0%} (limit {LINEAR_LIMIT:.0%})"
             )
             raise _refusal(fit, information, weakness, text, _cause(fit, weakness, weaknesses))
-    worst = _worst_of_each_stage(weaknesses)
+    worst = worst_of_each_stage(weaknesses)
     if not fit.solution.converged:
         text = f"hardly determine {{what}}: no convergence after {fit.solution.iterations} steps"
         raise _refusal(fit, information, max(worst, key=lambda w: w.relative_std), text)
     return worst
-
-
-def _seen_share(fit: Fit, parameter: str) -> float:
-    """By how much less a coefficient of the lens moves the outermost point that was seen of a board
-    than it moves the corners of the picture, as parts of their distances from the middle.
-
-    The image is linear in these coefficients, so that boards amid the picture leave nothing open
-    there; only the corners must not be measured in.
-    """
-    boards, (owner, part) = fit.adjustment.boards, parameter.split(".")
-    if (
-        fit.adjustment.stages
-        or boards is None
-        or owner != "camera"
-        or part not in DISTORTION_POWERS
-    ):
-        return 1.0
-    camera = fit.state.camera
-    focal, middle = (camera.alpha, camera.beta), (camera.u0, camera.v0)
-    seen = float(np.nanmax(np.linalg.norm((boards.views.uv - middle) / focal, axis=-1)))
-    corner = float(np.hypot(*(np.array(camera.image_size) / (2.0 * camera.alpha))))
-    return min(seen / corner, 1.0) ** DISTORTION_POWERS[part]
 
 
 def _refuse_edge_on(fit: Fit, weakness: Weakness) -> None:
@@ -277,51 +208,10 @@ def _points_on(fit: Fit, laser: int) -> Array:
 def roughly_determined(fit: Fit) -> bool:
     """Whether the information at the solution leaves nothing open, valleys apart."""
     try:
-        weaknesses = _weaknesses(fit, fit.covariance)
+        weaknesses = weaknesses_of(fit, fit.covariance)
     except np.linalg.LinAlgError:
         return False
     return all(weakness.where_seen <= LINEAR_LIMIT for weakness in weaknesses)
-
-
-def _weaknesses(fit: Fit, covariance: Array) -> list[Weakness]:
-    std = np.sqrt(np.diag(covariance))
-    return [
-        _weakness(fit, name, float(s) / size_of(fit.state, name))
-        for name, s in zip(fit.adjustment.parameters, std, strict=True)
-        if name not in ANCHOR
-    ]
-
-
-def _weakness(fit: Fit, parameter: str, relative_std: float) -> Weakness:
-    owner, part = parameter.split(".")
-    stage = "camera" if owner in ("camera", "anchor") else "plane"
-    laser = "" if stage == "camera" else fit.rig.lasers[int(owner.removeprefix("sheet"))]
-    default = f"the distortion {part}" if owner == "camera" else "the fixed point"
-    words = _IN_WORDS.get(part, default).format(laser=laser)
-    return Weakness(parameter, stage, words, relative_std, _seen_share(fit, parameter))
-
-
-def _worst_of_each_stage(weaknesses: list[Weakness]) -> list[Weakness]:
-    worst: dict[str, Weakness] = {}
-    for weakness in weaknesses:
-        worst[weakness.stage] = max(
-            worst.get(weakness.stage, weakness), weakness, key=lambda one: one.where_seen
-        )
-    return list(worst.values())
-
-
-def _null_direction(fit: Fit, information: Array) -> Weakness:
-    """The parameter that leads in the direction of least information."""
-    sizes = np.array([size_of(fit.state, name) for name in fit.adjustment.parameters])
-    scaled = information * sizes[:, None] * sizes
-    vector = np.abs(np.linalg.eigh(np.nan_to_num(scaled))[1][:, 0])
-    names = fit.adjustment.parameters
-    camera = [i for i, name in enumerate(names) if name.startswith("camera.")]
-    every = [i for i, name in enumerate(names) if name not in ANCHOR]
-    # where the camera is open, the sheet is too, but not the other way round
-    open_camera = camera and vector[camera].max() > _TAKES_PART
-    leading = max(camera if open_camera else every, key=lambda i: vector[i])
-    return _weakness(fit, names[leading], np.inf)
 
 
 def _lower_beside(fit: Fit, weaknesses: list[Weakness], stage: str) -> RigState | None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from sheetoflight.calibration.curved_sheets import curved
 from sheetoflight.calibration.estimation_task import EstimationTask
-from sheetoflight.calibration.fitting import Fit
+from sheetoflight.calibration.fit import Fit
 from sheetoflight.calibration.held_camera import refuse_nothing_left, with_known_camera
 from sheetoflight.calibration.identifiability import determined, require_open_sheets
 from sheetoflight.calibration.noise import NoiseModel

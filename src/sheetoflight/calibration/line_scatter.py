@@ -9,7 +9,7 @@ import numpy as np
 from scipy.special import chdtri, fdtrc
 
 from sheetoflight.calibration.components import MARKER
-from sheetoflight.calibration.fitting import Fit
+from sheetoflight.calibration.fit import Fit
 from sheetoflight.calibration.score_tests import ScoredFit
 from sheetoflight.geometry.directions import Array, normalised
 from sheetoflight.model.camera import Camera

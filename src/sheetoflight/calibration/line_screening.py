@@ -13,16 +13,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from sheetoflight.calibration.board_planes import faces_in_space, on_faces
-from sheetoflight.calibration.line_consensus import (
-    FacePlanes,
-    Piece,
-    agreed_pieces,
-    cut_into_pieces,
-    grown,
-    whole_lines,
-)
+from sheetoflight.calibration.line_consensus import FacePlanes, agreed_pieces
 from sheetoflight.calibration.lines_on_boards import reduced_lines
 from sheetoflight.calibration.rig_state import RigState
+from sheetoflight.calibration.straight_pieces import Piece, cut_into_pieces, grown, whole_lines
 from sheetoflight.geometry.directions import Array
 from sheetoflight.model.board import Board, PlanarBoard
 from sheetoflight.model.board_views import LinePixels

@@ -12,7 +12,7 @@ from sheetoflight.calibration.board_screening import screened_boards
 from sheetoflight.calibration.components import CORNER, PIXEL
 from sheetoflight.calibration.control_forms import FORMS
 from sheetoflight.calibration.control_point_method import by_control_points
-from sheetoflight.calibration.fitting import Fit
+from sheetoflight.calibration.fit import Fit
 from sheetoflight.calibration.joint_method import joint
 from sheetoflight.calibration.match_methods import (
     MATCH_METHODS,

@@ -16,7 +16,8 @@ from scipy.special import chdtri
 
 from sheetoflight.calibration.components import PIXEL
 from sheetoflight.calibration.estimation_task import EstimationTask
-from sheetoflight.calibration.fitting import Fit, fitted
+from sheetoflight.calibration.fit import Fit
+from sheetoflight.calibration.fitting import fitted
 from sheetoflight.calibration.noise import NoiseModel
 from sheetoflight.calibration.residual_tests import (
     quiet_variance,

@@ -8,7 +8,8 @@ import numpy as np
 
 from sheetoflight.calibration.camera_alone import camera_alone, with_known_pixel_noise
 from sheetoflight.calibration.components import COMPONENTS, PIXEL
-from sheetoflight.calibration.fitting import Fit, fitted
+from sheetoflight.calibration.fit import Fit
+from sheetoflight.calibration.fitting import fitted
 from sheetoflight.calibration.noise import NoiseModel
 from sheetoflight.calibration.outcome import Outcome
 from sheetoflight.calibration.paper_plane import PaperOptions, PaperPlane, paper_plane

@@ -13,13 +13,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from sheetoflight.calibration.identifiability import LINEAR_LIMIT
 from sheetoflight.calibration.next_view import size_of
 from sheetoflight.calibration.planned_poses import random_views
 from sheetoflight.calibration.planned_rig import PlannedRig
 from sheetoflight.calibration.predicted_views import PredictedViews
 from sheetoflight.calibration.rig_state import ANCHOR, CAMERA, SHEET_PARTS
 from sheetoflight.calibration.uncertainty import STAGE_SOURCES, Influence, covariance_of
+from sheetoflight.calibration.weaknesses import LINEAR_LIMIT
 from sheetoflight.errors import InputError
 from sheetoflight.geometry.directions import Array
 from sheetoflight.model.covariance import Covariance, NoiseComponents

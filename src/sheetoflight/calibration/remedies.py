@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from sheetoflight.calibration.fitting import Fit
+from sheetoflight.calibration.fit import Fit
 from sheetoflight.calibration.next_view import next_view
 from sheetoflight.geometry.directions import Array
 from sheetoflight.model.camera import DISTORTION_MODELS

@@ -7,11 +7,11 @@ from collections.abc import Sequence
 import numpy as np
 
 from sheetoflight.calibration.components import COMPONENTS, CORNER, PIXEL
-from sheetoflight.calibration.fitting import Fit
-from sheetoflight.calibration.identifiability import LINEAR_LIMIT
+from sheetoflight.calibration.fit import Fit
 from sheetoflight.calibration.outcome import Outcome
 from sheetoflight.calibration.remedies import remedy, stage_of
 from sheetoflight.calibration.uncertainty import covariance_of
+from sheetoflight.calibration.weaknesses import LINEAR_LIMIT
 from sheetoflight.errors import UntrustworthyError
 from sheetoflight.geometry.directions import Array
 from sheetoflight.model.calibration import Calibration, Residuals, ViewResiduals

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from sheetoflight.calibration.adjustment import Adjustment
-from sheetoflight.calibration.fitting import Fit
+from sheetoflight.calibration.fit import Fit
 from sheetoflight.calibration.rig_state import LOCAL_SIZE, RigState
 from sheetoflight.estimation.variance_components import Contrasts
 from sheetoflight.geometry.directions import Array

@@ -15,7 +15,7 @@ import numpy as np
 
 from sheetoflight.calibration.diagnosis import LENS_ODDS, findings, suspicious
 from sheetoflight.calibration.estimation_task import EstimationTask
-from sheetoflight.calibration.fitting import Fit
+from sheetoflight.calibration.fit import Fit
 from sheetoflight.calibration.identifiability import roughly_determined
 from sheetoflight.calibration.line_scatter import Scatter, line_scatter, noisy_stages, together
 from sheetoflight.calibration.noise import NoiseModel, chi2_limit, noise_model

@@ -11,7 +11,8 @@ from scipy.special import fdtri
 
 from sheetoflight.calibration.adjustment import Adjustment
 from sheetoflight.calibration.estimation_task import EstimationTask
-from sheetoflight.calibration.fitting import Fit, fitted, settled
+from sheetoflight.calibration.fit import Fit, settled
+from sheetoflight.calibration.fitting import fitted
 from sheetoflight.calibration.rig_state import RigState
 from sheetoflight.calibration.starts import (
     Evidence,

@@ -9,7 +9,6 @@ from __future__ import annotations
 import numpy as np
 
 from sheetoflight.calibration.components import COMPONENTS, CORNER
-from sheetoflight.calibration.identifiability import LINEAR_LIMIT
 from sheetoflight.calibration.self_generated_fit import Placed, SheetFit, fitted_sheet
 from sheetoflight.calibration.self_generated_noise import (
     Noise,
@@ -18,6 +17,7 @@ from sheetoflight.calibration.self_generated_noise import (
     odds_of_drop,
     worst_point,
 )
+from sheetoflight.calibration.weaknesses import LINEAR_LIMIT
 from sheetoflight.errors import InputError, UntrustworthyError
 from sheetoflight.geometry.directions import Array
 from sheetoflight.model.calibration import Calibration, Residuals, ViewResiduals

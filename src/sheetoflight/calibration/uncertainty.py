@@ -23,7 +23,7 @@ from sheetoflight.calibration.components import (
     SHAPE,
     STRIPE,
 )
-from sheetoflight.calibration.fitting import Fit, undetermined
+from sheetoflight.calibration.fit import Fit, undetermined
 from sheetoflight.calibration.printed_points import PrintErrors, by_printed_point, print_errors
 from sheetoflight.calibration.rig_state import CAMERA, RigState, bend_names, sheet_names
 from sheetoflight.geometry.directions import Array
