@@ -22,18 +22,6 @@ __all__ = ["rendered", "rig_folder"]
 Words = Callable[..., tuple[int, str, str]]
 
 
-@pytest.fixture
-def sol(capsys: pytest.CaptureFixture[str]) -> Words:
-    """Run a command; give its exit status, standard output and standard error."""
-
-    def run(*words: object) -> tuple[int, str, str]:
-        status = main([str(word) for word in words])
-        told = capsys.readouterr()
-        return status, told.out, told.err
-
-    return run
-
-
 @pytest.fixture(scope="module")
 def calibration(rendered: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     path = tmp_path_factory.mktemp("calibration") / "calibration.json"

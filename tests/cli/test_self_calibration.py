@@ -9,7 +9,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from sheetoflight.cli.main import main
 from sheetoflight.io.points_csv import write_points
 from sheetoflight.io.rig_toml import write_rig_toml
 from sheetoflight.model.camera import Camera
@@ -19,18 +18,6 @@ from tests.calibration.boards import rig_of, seen_boards
 from tests.calibration.tracks import CAMERA, TWO_AXES, carried, moving, scene, turning
 
 Words = Callable[..., tuple[int, str, str]]
-
-
-@pytest.fixture
-def sol(capsys: pytest.CaptureFixture[str]) -> Words:
-    """Run a command; give its exit status, standard output and standard error."""
-
-    def run(*words: object) -> tuple[int, str, str]:
-        status = main([str(word) for word in words])
-        told = capsys.readouterr()
-        return status, told.out, told.err
-
-    return run
 
 
 def folder_of(
