@@ -134,7 +134,7 @@ def _odds_of_flat(fit: Fit, state: RigState) -> Array:
     wide = points_alone.adjustment(fit.rig, stages, parameters, state)
     try:
         odds = _odds(*reduced_equations(wide.blocks(state), len(parameters)), len(names), freedom)
-        if (odds > _ODDS).all():  # any noise of whole lines would only make them larger
+        if (odds > _ODDS).all():  # noise of whole lines would hardly make them smaller
             return odds
         noise = replace(fit.noise, free=fit.noise.free | acting)
         groups = noise.contrasts(wide, state, {})

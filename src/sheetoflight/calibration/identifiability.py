@@ -89,7 +89,7 @@ def determined(fit: Fit, stage: str) -> tuple[Fit, tuple[str, ...]]:
             return fit, _warnings(fit, weaknesses)
         stages, parameters = fit.adjustment.stages, fit.adjustment.parameters
         fit = fitted(fit.rig, stages, parameters, lower, fit.noise, stage)
-    weakest = max(weaknesses, key=lambda w: w.relative_std)
+    weakest = max(weaknesses, key=lambda w: w.where_seen)
     text = f"hardly determine {{what}}: there are {_MINIMA} minima, each beside a lower one"
     raise _refusal(fit, fit.information, weakest, text)
 
@@ -117,14 +117,13 @@ def _require_little_spread(fit: Fit) -> list[Weakness]:
         if not weakness.where_seen <= LINEAR_LIMIT:
             _refuse_edge_on(fit, weakness)
             text = (
-                "leave {what} uncertain by "
-                f"{weakness.relative_std:.0%} (limit {LINEAR_LIMIT:.0%})"
+                f"leave {{what}} uncertain by {weakness.where_seen:.0%} (limit {LINEAR_LIMIT:.0%})"
             )
             raise _refusal(fit, information, weakness, text, _cause(fit, weakness, weaknesses))
     worst = worst_of_each_stage(weaknesses)
     if not fit.solution.converged:
         text = f"hardly determine {{what}}: no convergence after {fit.solution.iterations} steps"
-        raise _refusal(fit, information, max(worst, key=lambda w: w.relative_std), text)
+        raise _refusal(fit, information, max(worst, key=lambda w: w.where_seen), text)
     return worst
 
 
